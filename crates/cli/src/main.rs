@@ -1,0 +1,2 @@
+//! The program `moonmilk`.
+fn main() {}
