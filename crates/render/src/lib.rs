@@ -1,1 +1,3 @@
 //! moonmilk-render.
+
+pub mod description;
