@@ -1,1 +1,23 @@
-//! moonmilk-walk.
+//! The one random walk of light inside a scattering medium.
+//!
+//! A walk alternates free flights, whose lengths follow exp(-sigma_t t), and collisions, which absorb by weight and
+//! turn the direction by the phase function. It is generic over a [`Domain`] (where is the wall, what happens there) and
+//! a [`Tally`] (what is recorded), and knows neither scenes nor files. Renderer and laboratory both call [`classic::walk`].
+//!
+//! *Weights.* A walk carries several wavelengths. Flights are sampled for lane 0, the hero; lane j follows with the
+//! weight f_j / mean_i p_i (balance heuristic over the lanes, [Wilkie2014], [Miller2019]). [`Walker::beta`] is that
+//! weight, [`Walker::ratio`] is p_j / mean_i p_i; both are renormalised at every event, so that neither over- nor
+//! underflows in walks of any length.
+
+pub mod classic;
+pub mod domain;
+pub mod math;
+pub mod medium;
+pub mod tally;
+pub mod walker;
+
+pub use classic::{Outcome, Roulette, walk};
+pub use domain::{Domain, Wall};
+pub use medium::Medium;
+pub use tally::{NoTally, PathLength, Tally};
+pub use walker::Walker;

@@ -1,0 +1,127 @@
+//! The plain walk: exact, with no other means than flights, collisions and walls.
+
+use moonmilk_core::{Random, Spectrum};
+
+use crate::domain::{Domain, Wall};
+use crate::medium::Medium;
+use crate::tally::Tally;
+use crate::walker::Walker;
+
+/// When walks of little weight end.
+///
+/// A walk whose weight w (largest lane, radiance scaling undone) fell below `threshold` goes on with probability
+/// w / `survivor` and then weighs `survivor`: the mean stays, whatever the numbers.
+#[derive(Clone, Copy, Debug)]
+pub struct Roulette {
+    /// Weight below which a walk is put to the test.
+    pub threshold: f32,
+    /// Weight of those that pass; not below `threshold`.
+    pub survivor: f32,
+}
+
+impl Default for Roulette {
+    /// Tests below 1/10 and lets survivors weigh 1/5: measured best or within 3 % of it on marble, milk and an
+    /// index-matched ball (efficiency against thresholds from 0.02 to 0.5).
+    fn default() -> Self {
+        Self { threshold: 0.1, survivor: 0.2 }
+    }
+}
+
+impl Roulette {
+    /// Returns the factor on a walk's weight, or `None` if it ends.
+    #[inline]
+    pub fn play(&self, weight: f32, rng: &mut impl Random) -> Option<f32> {
+        if weight >= self.threshold {
+            return Some(1.0);
+        }
+        let survival = weight / self.survivor;
+        (rng.uniform() < survival).then(|| 1.0 / survival)
+    }
+}
+
+/// How a walk ended.
+#[derive(Clone, Copy, Debug)]
+pub enum Outcome<E> {
+    /// It left through a wall; what is behind is the domain's to say.
+    Left(E),
+    /// Absorbed by weight: roulette ended it, or nothing was left of it.
+    Ended,
+    /// A position outside the domain was found, which rounding alone can cause; counted, never silent.
+    Lost,
+}
+
+/// Walks until the path leaves the domain or ends.
+///
+/// Free flights t = -ln(u) / sigma_t of the hero lane; those shorter than the known room to the wall need no query.
+/// *Errors of the result*: none but single-precision rounding of positions.
+#[inline]
+pub fn walk<const N: usize, D, T, R>(
+    domain: &D,
+    medium: &Medium<N>,
+    roulette: &Roulette,
+    walker: &mut Walker<N>,
+    tally: &mut T,
+    rng: &mut R,
+) -> Outcome<D::Exit>
+where
+    D: Domain<N>,
+    T: Tally<N, R>,
+    R: Random,
+{
+    let mean_free_path = 1.0 / medium.sigma_t[0];
+    let mut on_wall = domain.start();
+    loop {
+        // Draw the free flight of the hero lane.
+        let t = -rng.uniform().ln() * mean_free_path;
+        // Skip the wall query where the flight provably ends before any wall.
+        if t >= walker.room {
+            walker.room = domain.room(walker.p);
+            if t >= walker.room {
+                if let Some((t_wall, wall)) = domain.segment(walker.p, walker.d, t, &on_wall) {
+                    tally.flight(walker, t_wall);
+                    walker.pass(medium, t_wall);
+                    walker.room = 0.0;
+                    match domain.arrive(wall, t_wall, walker, rng) {
+                        Wall::Stay(w) => {
+                            on_wall = w;
+                            continue;
+                        }
+                        Wall::Leave(exit) => return Outcome::Left(exit),
+                    }
+                }
+                if t == f32::INFINITY || domain.is_outside(walker.p + walker.d * t) {
+                    return Outcome::Lost;
+                }
+            }
+        }
+
+        // Move to the collision and weigh what is scattered there.
+        tally.flight(walker, t);
+        walker.p += walker.d * t;
+        walker.room = (walker.room - t).max(0.0);
+        on_wall = domain.start();
+        let arrived = walker.collide(medium, t);
+        walker.collisions += 1;
+        tally.collision(walker, medium, arrived, rng);
+        walker.beta = arrived * medium.sigma_s;
+
+        // End walks that carry little, keeping the mean.
+        match roulette.play(walker.beta.max_value() * walker.eta_scale, rng) {
+            Some(1.0) => {}
+            Some(factor) => walker.beta *= factor,
+            None => return Outcome::Ended,
+        }
+
+        // Turn by the phase function; the hero's density is every lane's.
+        let d = medium.scatter(walker.d, rng);
+        walker.direction_pdf = Some(medium.phase(walker.d, d));
+        walker.scatter_point = walker.p;
+        walker.d = d;
+    }
+}
+
+/// Returns the weight per lane of a straight flight of length t towards a light, relative to the lanes' mean density.
+#[inline]
+pub fn connection_weight<const N: usize>(medium: &Medium<N>, t: f32) -> Spectrum<N> {
+    medium.transmittance(t)
+}

@@ -1,0 +1,64 @@
+//! Where a walk takes place, as the walk sees it.
+
+use moonmilk_core::{Random, Vec3};
+
+use crate::walker::Walker;
+
+pub mod ball;
+pub mod planar;
+
+/// What happens at a wall.
+#[derive(Clone, Copy, Debug)]
+pub enum Wall<W, E> {
+    /// The path stays in the medium (reflected); it now stands on this wall.
+    Stay(W),
+    /// The path leaves.
+    Leave(E),
+}
+
+/// A region of medium with walls.
+pub trait Domain<const N: usize> {
+    /// A wall as met by a flight; also tells later queries which wall a flight starts on.
+    type Wall: Copy;
+    /// What is known of a path that left.
+    type Exit;
+
+    /// Returns the wall value of a start away from any wall.
+    fn start(&self) -> Self::Wall;
+
+    /// Returns a lower bound of the distance from p to any wall; 0 is always right.
+    fn room(&self, p: Vec3) -> f32;
+
+    /// Returns the first wall within `t_max` along d, and the distance to it. `from` is the wall that p stands on.
+    fn segment(&self, p: Vec3, d: Vec3, t_max: f32, from: &Self::Wall) -> Option<(f32, Self::Wall)>;
+
+    /// Moves the walker to the wall at distance t and decides what happens there.
+    fn arrive<R: Random>(&self, wall: Self::Wall, t: f32, walker: &mut Walker<N>, rng: &mut R) -> Wall<Self::Wall, Self::Exit>;
+
+    /// Returns whether p lies certainly outside (rounding put it there).
+    fn is_outside(&self, p: Vec3) -> bool;
+}
+
+/// Decides reflection or refraction at a smooth boundary met from inside; returns the new direction and whether it left.
+///
+/// `n` is the outward unit normal, `eta` = inside / outside. Reflection with probability F, else refraction: weight one.
+pub(crate) fn smooth_boundary(d: Vec3, n: Vec3, eta: f32, rng: &mut impl Random) -> (Vec3, bool) {
+    let cos_i = d.dot(n).clamp(0.0, 1.0);
+    if eta == 1.0 {
+        return (d, true);
+    }
+    let sin2_t = eta * eta * (1.0 - cos_i * cos_i);
+    if sin2_t >= 1.0 {
+        return (d - n * (2.0 * cos_i), false);
+    }
+    let cos_t = (1.0 - sin2_t).sqrt();
+    let (a, b) = (eta * cos_i, cos_t);
+    let r_s = (a - b) / (a + b);
+    let (a, b) = (cos_i, eta * cos_t);
+    let r_p = (a - b) / (a + b);
+    if rng.uniform() < 0.5 * (r_s * r_s + r_p * r_p) {
+        (d - n * (2.0 * cos_i), false)
+    } else {
+        ((d * eta + n * (cos_t - eta * cos_i)).normalize(), true)
+    }
+}

@@ -1,0 +1,35 @@
+//! What a walk reports while it runs.
+
+use moonmilk_core::{Random, Spectrum};
+
+use crate::medium::Medium;
+use crate::walker::Walker;
+
+/// A recorder of the events of a walk.
+pub trait Tally<const N: usize, R: Random> {
+    /// Called for each flight of length t inside the medium, before the walker moves.
+    #[inline]
+    fn flight(&mut self, _walker: &Walker<N>, _t: f32) {}
+
+    /// Called at each collision; `arrived` is the weight there per unit coefficient [length]: times sigma_s it continues,
+    /// times sigma_a it is absorbed (or emitted).
+    #[inline]
+    fn collision(&mut self, _walker: &Walker<N>, _medium: &Medium<N>, _arrived: Spectrum<N>, _rng: &mut R) {}
+}
+
+/// Records nothing.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct NoTally;
+
+impl<const N: usize, R: Random> Tally<N, R> for NoTally {}
+
+/// Sums the length of all flights [length].
+#[derive(Clone, Copy, Debug, Default)]
+pub struct PathLength(pub f64);
+
+impl<const N: usize, R: Random> Tally<N, R> for PathLength {
+    #[inline]
+    fn flight(&mut self, _walker: &Walker<N>, t: f32) {
+        self.0 += f64::from(t);
+    }
+}

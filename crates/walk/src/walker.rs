@@ -1,0 +1,87 @@
+//! The state that a walk carries from event to event.
+
+use moonmilk_core::{Spectrum, Vec3};
+
+use crate::medium::Medium;
+
+/// A light path inside a medium, on its way from the camera (or a source) to where it leaves.
+#[derive(Clone, Copy, Debug)]
+pub struct Walker<const N: usize> {
+    /// Position [length].
+    pub p: Vec3,
+    /// Direction of flight, unit.
+    pub d: Vec3,
+    /// Weight per lane: contribution over the mean density of all lanes.
+    pub beta: Spectrum<N>,
+    /// Density of each lane over their mean; the mean of this is 1.
+    pub ratio: Spectrum<N>,
+    /// Density [1/sr] with which the last direction was drawn; `None` behind a specular event, which no light sampling
+    /// competes with.
+    pub direction_pdf: Option<f32>,
+    /// Point from which that direction was drawn.
+    pub scatter_point: Vec3,
+    /// Collisions so far.
+    pub collisions: u32,
+    /// Factor that undoes the radiance scaling of refractive boundaries when weights are compared (roulette).
+    pub eta_scale: f32,
+    /// Lower bound of the distance from `p` to any wall; 0 if unknown [length].
+    pub room: f32,
+}
+
+impl<const N: usize> Walker<N> {
+    /// Returns a walker of weight one at `p`, flying along `d`.
+    pub fn new(p: Vec3, d: Vec3) -> Self {
+        Self {
+            p,
+            d,
+            beta: Spectrum::ONE,
+            ratio: Spectrum::ONE,
+            direction_pdf: None,
+            scatter_point: p,
+            collisions: 0,
+            eta_scale: 1.0,
+            room: 0.0,
+        }
+    }
+
+    /// Restores mean(ratio) = 1, moving the factor into the weight.
+    #[inline]
+    pub fn renormalize(&mut self) {
+        let m = self.ratio.mean();
+        // All densities can underflow only if the hero's did, which sampling makes impossible; guard against 0/0 alone.
+        if m > 0.0 {
+            self.beta /= m;
+            self.ratio /= m;
+        } else {
+            self.beta = Spectrum::ZERO;
+        }
+    }
+
+    /// Applies the weights of a flight of length t that reached a wall: T_j against the density T_j of each lane.
+    #[inline]
+    pub fn pass(&mut self, medium: &Medium<N>, t: f32) {
+        if N == 1 || medium.is_gray() {
+            return;
+        }
+        let s0 = medium.sigma_t[0];
+        let relative = medium.sigma_t.map(|s| ((s0 - s) * t).clamp(-80.0, 80.0).exp());
+        self.beta *= relative;
+        self.ratio *= relative;
+        self.renormalize();
+    }
+
+    /// Applies the weights of a flight of length t that ended in a collision, without the factor sigma_s or sigma_a:
+    /// returns T_j / mean_i(sigma_t,i T_i), to be multiplied by the coefficient of what happens next.
+    #[inline]
+    pub fn collide(&mut self, medium: &Medium<N>, t: f32) -> Spectrum<N> {
+        if N == 1 || medium.is_gray() {
+            return self.beta / medium.sigma_t[0];
+        }
+        let s0 = medium.sigma_t[0];
+        let relative = medium.sigma_t.map(|s| ((s0 - s) * t).clamp(-80.0, 80.0).exp() / s0);
+        self.beta *= relative;
+        self.ratio *= relative * medium.sigma_t;
+        self.renormalize();
+        self.beta
+    }
+}
