@@ -15,9 +15,9 @@ use colorimetry::illuminant::CieIlluminant;
 use colorimetry::observer::Observer;
 use colorimetry::traits::Light;
 
-/// Shortest visible wavelength [nm].
+/// Shortest visible wavelength \[nm\].
 pub const LAMBDA_MIN: f32 = 380.0;
-/// Longest visible wavelength [nm].
+/// Longest visible wavelength \[nm\].
 pub const LAMBDA_MAX: f32 = 780.0;
 /// Number of tabulated wavelengths: one per nm, both ends included.
 pub const SAMPLES: usize = 401;
@@ -35,11 +35,11 @@ pub struct Observed {
     pub rgb_from_xyz: [[f64; 3]; 3],
     /// The inverse of `rgb_from_xyz`.
     pub xyz_from_rgb: [[f64; 3]; 3],
-    /// Sensor response w_c for radiance relative to D65 [1/nm]; each channel integrates to 1 by the trapezoidal rule.
+    /// Sensor response w_c for radiance relative to D65 \[1/nm\]; each channel integrates to 1 by the trapezoidal rule.
     pub response: Vec<[f32; 3]>,
 }
 
-/// The tables of the standard observer, made once.
+/// The tables of the standard observer, made once from constants.
 pub static OBSERVED: LazyLock<Observed> = LazyLock::new(Observed::new);
 
 impl Observed {
@@ -104,7 +104,7 @@ pub(crate) fn trapezoid(f: impl Fn(usize) -> f64) -> f64 {
     (1..SAMPLES - 1).map(&f).sum::<f64>() + 0.5 * (f(0) + f(SAMPLES - 1))
 }
 
-fn multiply(m: &[[f64; 3]; 3], v: [f64; 3]) -> [f64; 3] {
+pub(crate) fn multiply(m: &[[f64; 3]; 3], v: [f64; 3]) -> [f64; 3] {
     m.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2])
 }
 
@@ -116,7 +116,8 @@ fn rgb_from_xyz(white: [f64; 3]) -> [[f64; 3]; 3] {
     std::array::from_fn(|c| unscaled[c].map(|x| x / luminance[c]))
 }
 
-fn inverse(m: [[f64; 3]; 3]) -> [[f64; 3]; 3] {
+/// Inverts a matrix by cofactors; a singular one gives infinities or NaN.
+pub(crate) fn inverse(m: [[f64; 3]; 3]) -> [[f64; 3]; 3] {
     let cofactor = |r: usize, c: usize| {
         let (r1, r2, c1, c2) = ((r + 1) % 3, (r + 2) % 3, (c + 1) % 3, (c + 2) % 3);
         m[r1][c1] * m[r2][c2] - m[r1][c2] * m[r2][c1]

@@ -1,7 +1,7 @@
 //! Standard spectra under the names that pbrt-v4 scenes use: metals, glasses, CIE illuminants.
 //!
 //! Metals: complex index n + ik. Ag, Al, Au, Cu, MgO, TiO2 are the values of pbrt-v4's `spectrum.cpp` (from the SOPRA and Palik
-//! collections), every second point over the visible range; brass (CuZn) is Cu70Zn30 of [Querry1985] as in the CC0 data base
+//! collections), every second point over the visible range; brass (CuZn) is Cu70Zn30 of \[Querry1985\] as in the CC0 data base
 //! refractiveindex.info. Glasses: Sellmeier's formula with the coefficients of the Schott catalogue. Illuminants: the tables of
 //! CIE 15:2018 (crate `colorimetry`), as lights of unit luminance.
 

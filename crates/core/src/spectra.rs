@@ -121,7 +121,7 @@ impl Spectra {
     pub fn rgb_albedo(rgb: [f32; 3]) -> Result<Self, SpectraError> {
         match rgb.iter().find(|x| !(0.0..=1.0).contains(*x)) {
             Some(&x) => Err(SpectraError::Albedo(x)),
-            None => Ok(Self::colour(RgbSpectrum::albedo(rgb))),
+            None => Ok(Self::colour(RgbSpectrum::albedo(rgb).refined())),
         }
     }
 
@@ -130,7 +130,7 @@ impl Spectra {
     /// *Errors*: a component that is negative or not finite.
     pub fn rgb_unbounded(rgb: [f32; 3]) -> Result<Self, SpectraError> {
         rgb.iter().try_for_each(|&x| valid(x))?;
-        Ok(Self::colour(RgbSpectrum::unbounded(rgb)))
+        Ok(Self::colour(RgbSpectrum::unbounded(rgb).refined()))
     }
 
     /// Returns a light of linear sRGB colour: relative to D65 the same function as [`Spectra::rgb_unbounded`].

@@ -43,7 +43,7 @@ pub fn chi_square(counts: &[f64], expected: &[f64], fitted: usize) -> f64 {
 
 /// Returns the p-value of the one-sample Kolmogorov-Smirnov test of samples against a continuous distribution function.
 ///
-/// Sorts the samples. *Accuracy*: Kolmogorov's limit law with Stephens' correction for finite n [Stephens1970]; good to a few percent of p
+/// Sorts the samples. *Accuracy*: Kolmogorov's limit law with Stephens' correction for finite n \[Stephens1970\]; good to a few percent of p
 /// for n of 10 or more.
 pub fn kolmogorov_smirnov(samples: &mut [f64], cdf: impl Fn(f64) -> f64) -> f64 {
     samples.sort_by(f64::total_cmp);
