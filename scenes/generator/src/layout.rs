@@ -43,7 +43,7 @@ pub fn showcase() -> Vec<(&'static str, Mesh)> {
         ),
         (
             "leaf",
-            turned(leaf::leaf(1.35), 14.0).placed(-70.0, -34.0, CLEARANCE),
+            turned(leaf::leaf(1.35), 14.0).placed(-77.0, -47.0, CLEARANCE),
         ),
     ]
 }
