@@ -76,7 +76,8 @@ impl Sensor {
         let mut damping = 1e-3;
         for _ in 0..200 {
             let gradient: Vector = std::array::from_fn(|a| (0..3).map(|k| j[k][a] * r[k]).sum::<f64>() + TAME * c[a]);
-            let mut m: Matrix = std::array::from_fn(|a| std::array::from_fn(|b| (0..3).map(|k| j[k][a] * j[k][b]).sum()));
+            let mut m: Matrix =
+                std::array::from_fn(|a| std::array::from_fn(|b| (0..3).map(|k| j[k][a] * j[k][b]).sum()));
             for (a, row) in m.iter_mut().enumerate() {
                 row[a] = (row[a] + TAME) * (1.0 + damping);
             }
@@ -139,7 +140,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             let mut column = |order: &mut dyn Iterator<Item = usize>, mut c: Vector| {
                 for k in order {
                     let mut rgb = [0.0; 3];
-                    (rgb[largest], rgb[(largest + 1) % 3], rgb[(largest + 2) % 3]) = (scale[k], x * scale[k], y * scale[k]);
+                    (rgb[largest], rgb[(largest + 1) % 3], rgb[(largest + 2) % 3]) =
+                        (scale[k], x * scale[k], y * scale[k]);
                     c = sensor.fit(rgb, c);
                     // From t = (lambda - 380) / 400 to lambda in nm.
                     let (l0, s) = (380.0, 1.0 / 400.0);

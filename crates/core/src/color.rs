@@ -45,7 +45,9 @@ pub static OBSERVED: LazyLock<Observed> = LazyLock::new(Observed::new);
 impl Observed {
     fn new() -> Self {
         let xyz_bar: Vec<[f64; 3]> = (0..SAMPLES)
-            .map(|i| Observer::Cie1931.xyz_at_wavelength(380 + i).expect("the observer covers 380 to 780 nm").to_array())
+            .map(|i| {
+                Observer::Cie1931.xyz_at_wavelength(380 + i).expect("the observer covers 380 to 780 nm").to_array()
+            })
             .collect();
         let y_integral = trapezoid(|i| xyz_bar[i][1]);
         let mut d65 = spectrum_of(CieIlluminant::D65);

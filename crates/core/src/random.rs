@@ -136,7 +136,11 @@ mod tests {
     fn streams_depend_on_every_word_of_their_key_and_on_nothing_else() {
         let first = |w: [u64; 3]| Stream::new(&w).bits();
         assert_eq!(first([1, 2, 3]), first([1, 2, 3]));
-        assert!(first([1, 2, 3]) != first([0, 2, 3]) && first([1, 2, 3]) != first([1, 3, 2]) && first([1, 2, 3]) != first([1, 2, 4]));
+        assert!(
+            first([1, 2, 3]) != first([0, 2, 3])
+                && first([1, 2, 3]) != first([1, 3, 2])
+                && first([1, 2, 3]) != first([1, 2, 4])
+        );
     }
 
     #[test]

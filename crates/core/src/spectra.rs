@@ -71,8 +71,7 @@ pub struct Tabulated {
 impl Tabulated {
     /// Makes a table of valid points: at least one, wavelengths increasing.
     fn new(points: Vec<(f32, f32)>) -> Self {
-        let uniform = points.len() == SAMPLES
-            && points.iter().enumerate().all(|(i, p)| p.0 == LAMBDA_MIN + i as f32);
+        let uniform = points.len() == SAMPLES && points.iter().enumerate().all(|(i, p)| p.0 == LAMBDA_MIN + i as f32);
         let mut table = Self { points, uniform, rgb: [0.0; 3] };
         let (low, high) = table.points.iter().fold((f32::INFINITY, 0.0f32), |(a, b), p| (a.min(p.1), b.max(p.1)));
         table.rgb = OBSERVED.rgb_of(|l| table.eval(l)).map(|x| (x as f32).clamp(low, high));
@@ -88,7 +87,9 @@ impl Tabulated {
     #[inline]
     pub fn eval(&self, lambda: f32) -> f32 {
         let p = &self.points;
-        let (i, t) = if self.uniform && let Some(found) = locate(lambda) {
+        let (i, t) = if self.uniform
+            && let Some(found) = locate(lambda)
+        {
             found
         } else {
             let i = p.partition_point(|q| q.0 <= lambda);
@@ -176,8 +177,10 @@ impl Spectra {
     ///
     /// *Errors*: an unknown name, with the nearest known one.
     pub fn named(name: &str) -> Result<Self, SpectraError> {
-        named::find(name)
-            .ok_or_else(|| SpectraError::Name { name: name.to_owned(), nearest: nearest(name, named::NAMES.iter().copied()) })
+        named::find(name).ok_or_else(|| SpectraError::Name {
+            name: name.to_owned(),
+            nearest: nearest(name, named::NAMES.iter().copied()),
+        })
     }
 
     /// Makes a light of unit-independent spectral radiance f(lambda in nm), relative to D65.
@@ -379,12 +382,17 @@ mod tests {
         // Illuminant A is a black body of 2856 K (to CIE's constants): relative spectra agree to 1e-3.
         let a = Spectra::named("stdillum-A").unwrap();
         let k = a.luminance() / warm.luminance();
-        assert!((0..401).all(|i| (a.eval(380.0 + i as f32) / (k * warm.eval(380.0 + i as f32)) - 1.0).abs() < 1e-3));
+        assert!(
+            (0..401).all(|i| { (a.eval(380.0 + i as f32) / (k * warm.eval(380.0 + i as f32)) - 1.0).abs() < 1e-3 })
+        );
     }
 
     #[test]
     fn errors_name_the_value_and_the_range() {
-        assert_eq!(Spectra::rgb_albedo([0.2, 1.5, 0.1]).unwrap_err().to_string(), "albedo component 1.5 is outside [0, 1]");
+        assert_eq!(
+            Spectra::rgb_albedo([0.2, 1.5, 0.1]).unwrap_err().to_string(),
+            "albedo component 1.5 is outside [0, 1]"
+        );
         assert_eq!(Spectra::rgb_unbounded([0.2, -1.5, 0.1]).unwrap_err().to_string(), "value -1.5 is outside [0, inf)");
         assert_eq!(Spectra::sampled(vec![(500.0, 1.0), (400.0, 2.0)]).unwrap_err(), SpectraError::Order(500.0, 400.0));
         assert_eq!(

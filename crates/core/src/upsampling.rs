@@ -211,9 +211,13 @@ mod tests {
         for rgb in [[2.29f32, 2.39, 1.97], [0.003, 0.0034, 0.046], [7.0, 0.5, 30.0], [0.011, 0.0368, 0.1564]] {
             let max = f64::from(rgb[0].max(rgb[1]).max(rgb[2]));
             // The table's error at half brightness, and that of coefficients in f32, relative to the largest component.
-            for (s, tolerance) in [(RgbSpectrum::unbounded(rgb), 0.005), (RgbSpectrum::unbounded(rgb).refined(), 2e-5)] {
+            for (s, tolerance) in [(RgbSpectrum::unbounded(rgb), 0.005), (RgbSpectrum::unbounded(rgb).refined(), 2e-5)]
+            {
                 let back = OBSERVED.rgb_of(|l| s.eval(l));
-                assert!(back.iter().zip(rgb).all(|(a, b)| (a - f64::from(b)).abs() < tolerance * max), "{back:?} {rgb:?}");
+                assert!(
+                    back.iter().zip(rgb).all(|(a, b)| (a - f64::from(b)).abs() < tolerance * max),
+                    "{back:?} {rgb:?}"
+                );
             }
         }
     }

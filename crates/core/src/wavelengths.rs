@@ -2,7 +2,7 @@
 
 use std::sync::LazyLock;
 
-use crate::color::{LAMBDA_MIN, LAMBDA_MAX, OBSERVED, SAMPLES, locate};
+use crate::color::{LAMBDA_MAX, LAMBDA_MIN, OBSERVED, SAMPLES, locate};
 use crate::spectrum::Spectrum;
 
 /// How a render treats colour.
@@ -117,13 +117,17 @@ static VISIBLE: LazyLock<Visible> = LazyLock::new(|| {
     let broad: Vec<f64> = (0..SAMPLES).map(|i| (0.007 * (380.0 + i as f64 - 570.0)).cosh().powi(-2)).collect();
     let blue: Vec<f64> = (0..SAMPLES).map(|i| (-0.5 * ((380.0 + i as f64 - 440.0) / 25.0).powi(2)).exp()).collect();
     let (broad_sum, blue_sum) = (broad.iter().sum::<f64>(), blue.iter().sum::<f64>());
-    let mixed: Vec<f64> = broad.iter().zip(&blue).map(|(a, b)| (1.0 - BLUE) * a / broad_sum + BLUE * b / blue_sum).collect();
+    let mixed: Vec<f64> =
+        broad.iter().zip(&blue).map(|(a, b)| (1.0 - BLUE) * a / broad_sum + BLUE * b / blue_sum).collect();
     let mut cdf = vec![0.0f64; SAMPLES];
     for i in 1..SAMPLES {
         cdf[i] = cdf[i - 1] + 0.5 * (mixed[i - 1] + mixed[i]);
     }
     let total = cdf[SAMPLES - 1];
-    Visible { pdf: mixed.iter().map(|x| (x / total) as f32).collect(), cdf: cdf.iter().map(|x| (x / total) as f32).collect() }
+    Visible {
+        pdf: mixed.iter().map(|x| (x / total) as f32).collect(),
+        cdf: cdf.iter().map(|x| (x / total) as f32).collect(),
+    }
 });
 
 /// Returns the density with which the hero mode samples a wavelength \[1/nm\]; 0 outside 380..780 nm.
@@ -174,7 +178,9 @@ mod tests {
             let mut counts = vec![0.0; 80];
             let mut r = Stream::new(&[3, lane as u64]);
             for _ in 0..n {
-                if let Wavelengths::Sampled { lambda, pdf } = Wavelengths::<4>::sample(WavelengthMode::Hero, r.uniform()) {
+                if let Wavelengths::Sampled { lambda, pdf } =
+                    Wavelengths::<4>::sample(WavelengthMode::Hero, r.uniform())
+                {
                     assert!(pdf[lane] > 0.0);
                     counts[(((lambda[lane] - LAMBDA_MIN) / 5.0) as usize).min(79)] += 1.0;
                 }
@@ -183,7 +189,8 @@ mod tests {
                 .map(|k| {
                     let a = LAMBDA_MIN + 5.0 * k as f32;
                     // Integrate the piecewise linear density exactly.
-                    let p: f32 = (0..5).map(|j| 0.5 * (visible_pdf(a + j as f32) + visible_pdf(a + j as f32 + 1.0))).sum();
+                    let p: f32 =
+                        (0..5).map(|j| 0.5 * (visible_pdf(a + j as f32) + visible_pdf(a + j as f32 + 1.0))).sum();
                     f64::from(p) * f64::from(n)
                 })
                 .collect();

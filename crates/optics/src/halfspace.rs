@@ -211,11 +211,16 @@ mod tests {
 
     /// (alpha, H(.25), H(.5), H(.75), H(1), first moment): physics notes, 8.1.
     const H: [[f64; 6]; 10] = [
-        [0.1, 1.020993, 1.028922, 1.033635, 1.036816, 0.515611], [0.3, 1.069299, 1.097559, 1.114903, 1.126844, 0.553121],
-        [0.5, 1.129653, 1.187735, 1.224933, 1.251260, 0.603484], [0.6, 1.166733, 1.245807, 1.297871, 1.335407, 0.636633],
-        [0.8, 1.266322, 1.413263, 1.518169, 1.598220, 0.735815], [0.9, 1.343271, 1.556034, 1.719001, 1.850099, 0.825316],
-        [0.95, 1.400740, 1.671788, 1.891785, 2.077124, 0.901876], [0.98, 1.453575, 1.786293, 2.072534, 2.325789, 0.981749],
-        [0.99, 1.480743, 1.848601, 2.175394, 2.472793, 1.027182], [0.999, 1.526165, 1.958687, 2.365660, 2.756073, 1.111331],
+        [0.1, 1.020993, 1.028922, 1.033635, 1.036816, 0.515611],
+        [0.3, 1.069299, 1.097559, 1.114903, 1.126844, 0.553121],
+        [0.5, 1.129653, 1.187735, 1.224933, 1.251260, 0.603484],
+        [0.6, 1.166733, 1.245807, 1.297871, 1.335407, 0.636633],
+        [0.8, 1.266322, 1.413263, 1.518169, 1.598220, 0.735815],
+        [0.9, 1.343271, 1.556034, 1.719001, 1.850099, 0.825316],
+        [0.95, 1.400740, 1.671788, 1.891785, 2.077124, 0.901876],
+        [0.98, 1.453575, 1.786293, 2.072534, 2.325789, 0.981749],
+        [0.99, 1.480743, 1.848601, 2.175394, 2.472793, 1.027182],
+        [0.999, 1.526165, 1.958687, 2.365660, 2.756073, 1.111331],
     ];
 
     /// (alpha; eta 1: normal, diffuse; 1.33: normal, diffuse inside, outside; 1.5: the same): physics notes, 8.1.
@@ -259,9 +264,15 @@ mod tests {
         use Illumination::*;
         for row in ALBEDOS {
             for (eta, light, expected) in [
-                (1.0, Normal, row[1]), (1.0, DiffuseInside, row[2]), (1.0, DiffuseOutside, row[2]), (1.33, Normal, row[3]),
-                (1.33, DiffuseInside, row[4]), (1.33, DiffuseOutside, row[5]), (1.5, Normal, row[6]),
-                (1.5, DiffuseInside, row[7]), (1.5, DiffuseOutside, row[8]),
+                (1.0, Normal, row[1]),
+                (1.0, DiffuseInside, row[2]),
+                (1.0, DiffuseOutside, row[2]),
+                (1.33, Normal, row[3]),
+                (1.33, DiffuseInside, row[4]),
+                (1.33, DiffuseOutside, row[5]),
+                (1.5, Normal, row[6]),
+                (1.5, DiffuseInside, row[7]),
+                (1.5, DiffuseOutside, row[8]),
             ] {
                 let a = HalfSpace::new(row[0], eta).unwrap().albedo(light);
                 assert!((a - expected).abs() < DIGIT, "{} {eta} {light:?}: {a} {expected}", row[0]);
@@ -277,7 +288,12 @@ mod tests {
     #[test]
     fn nothing_is_lost_when_nothing_absorbs() {
         for eta in [1.0, 1.001, 1.33, 1.5, 2.0, 3.0] {
-            for light in [Illumination::Normal, Illumination::Inside(0.3), Illumination::DiffuseInside, Illumination::DiffuseOutside] {
+            for light in [
+                Illumination::Normal,
+                Illumination::Inside(0.3),
+                Illumination::DiffuseInside,
+                Illumination::DiffuseOutside,
+            ] {
                 let a = HalfSpace::new(1.0, eta).unwrap().albedo(light);
                 assert!((a - 1.0).abs() < 1e-6, "{eta} {light:?} {a}");
             }

@@ -43,7 +43,11 @@ impl AlbedoTable {
         let mut albedo = vec![1.0; n + 1];
         for (i, a) in albedo.iter_mut().enumerate().skip(1) {
             let s = 0.5 * (1.0 - (PI * i as f64 / n as f64).cos());
-            *a = if i == n { 0.0 } else { HalfSpace::with_nodes((1.0 - s) * (1.0 + s), eta, Self::NODES)?.albedo(Illumination::Normal) };
+            *a = if i == n {
+                0.0
+            } else {
+                HalfSpace::with_nodes((1.0 - s) * (1.0 + s), eta, Self::NODES)?.albedo(Illumination::Normal)
+            };
         }
         // Fourth-order slopes; mirror the values at the ends.
         let at = |i: isize| albedo[i.unsigned_abs().min(2 * n - i.unsigned_abs())];
@@ -95,7 +99,12 @@ impl AlbedoTable {
     /// Returns sigma_a and sigma_s in every lane for pbrt's `reflectance` and `mfp` (see the module's text).
     ///
     /// *Domain*: reflectance in \[0, 1\], mfp > 0 \[L\], |g| < 1; the result is in \[1/L\].
-    pub fn coefficients<const N: usize>(&self, reflectance: Spectrum<N>, mfp: Spectrum<N>, g: f32) -> (Spectrum<N>, Spectrum<N>) {
+    pub fn coefficients<const N: usize>(
+        &self,
+        reflectance: Spectrum<N>,
+        mfp: Spectrum<N>,
+        g: f32,
+    ) -> (Spectrum<N>, Spectrum<N>) {
         // Equal lanes stay equal bit for bit: each lane is the same function of its own values.
         let alpha = reflectance.map(|r| alpha_from_albedo(self, f64::from(r), f64::from(g)) as f32);
         let sigma_a = reflectance.zip(mfp, |r, l| {
@@ -155,15 +164,26 @@ mod tests {
         // (albedo; alpha' at eta 1, 1.33, 1.5, normal incidence): physics notes, 6.1.
         #[allow(clippy::approx_constant)]
         let rows = [
-            [0.05, 0.26896, 0.44591, 0.52350], [0.1, 0.45487, 0.64992, 0.72066], [0.2, 0.68575, 0.83295, 0.87704],
-            [0.3, 0.81497, 0.91130, 0.93769], [0.5, 0.93817, 0.97334, 0.98232], [0.7, 0.98409, 0.99347, 0.99583],
-            [0.8, 0.99388, 0.99753, 0.99845], [0.9, 0.99866, 0.99947, 0.99967], [0.95, 0.99969, 0.99988, 0.99992],
+            [0.05, 0.26896, 0.44591, 0.52350],
+            [0.1, 0.45487, 0.64992, 0.72066],
+            [0.2, 0.68575, 0.83295, 0.87704],
+            [0.3, 0.81497, 0.91130, 0.93769],
+            [0.5, 0.93817, 0.97334, 0.98232],
+            [0.7, 0.98409, 0.99347, 0.99583],
+            [0.8, 0.99388, 0.99753, 0.99845],
+            [0.9, 0.99866, 0.99947, 0.99967],
+            [0.95, 0.99969, 0.99988, 0.99992],
         ];
         for (k, eta) in [1.0, 1.33, 1.5].into_iter().enumerate() {
             let table = AlbedoTable::new(eta).unwrap();
             for row in rows {
                 // Rounding of the table, and 1e-6 in the albedo times the slope d alpha / dA of at most 6.
-                assert!((table.alpha_prime(row[0]) - row[k + 1]).abs() < 1.2e-5, "{eta} {} {}", row[0], table.alpha_prime(row[0]));
+                assert!(
+                    (table.alpha_prime(row[0]) - row[k + 1]).abs() < 1.2e-5,
+                    "{eta} {} {}",
+                    row[0],
+                    table.alpha_prime(row[0])
+                );
             }
         }
     }

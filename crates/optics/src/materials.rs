@@ -29,7 +29,8 @@ impl Material {
     /// Returns the isotropically scattering medium with these coefficients, in 1/mm.
     pub fn medium(&self) -> Homogeneous {
         let spectrum = |rgb| Spectra::rgb_unbounded(rgb).expect("the table holds valid coefficients");
-        Homogeneous::scattering(spectrum(self.sigma_a), spectrum(self.sigma_s_prime), 0.0).expect("the table holds valid coefficients")
+        Homogeneous::scattering(spectrum(self.sigma_a), spectrum(self.sigma_s_prime), 0.0)
+            .expect("the table holds valid coefficients")
     }
 }
 
@@ -134,10 +135,18 @@ mod tests {
     fn albedos_agree_with_the_recomputed_ones() {
         // Exact albedo for normal incidence (physics notes, 8.6), three digits.
         let rows = [
-            ("Apple", [0.855, 0.849, 0.537]), ("Chicken1", [0.307, 0.140, 0.111]), ("Chicken2", [0.315, 0.144, 0.093]),
-            ("Cream", [0.977, 0.906, 0.737]), ("Ketchup", [0.148, 0.005, 0.002]), ("Marble", [0.838, 0.799, 0.761]),
-            ("Potato", [0.775, 0.624, 0.198]), ("Skimmilk", [0.825, 0.823, 0.694]), ("Skin1", [0.439, 0.213, 0.115]),
-            ("Skin2", [0.634, 0.437, 0.339]), ("Spectralon", [1.0, 1.0, 1.0]), ("Wholemilk", [0.913, 0.888, 0.771]),
+            ("Apple", [0.855, 0.849, 0.537]),
+            ("Chicken1", [0.307, 0.140, 0.111]),
+            ("Chicken2", [0.315, 0.144, 0.093]),
+            ("Cream", [0.977, 0.906, 0.737]),
+            ("Ketchup", [0.148, 0.005, 0.002]),
+            ("Marble", [0.838, 0.799, 0.761]),
+            ("Potato", [0.775, 0.624, 0.198]),
+            ("Skimmilk", [0.825, 0.823, 0.694]),
+            ("Skin1", [0.439, 0.213, 0.115]),
+            ("Skin2", [0.634, 0.437, 0.339]),
+            ("Spectralon", [1.0, 1.0, 1.0]),
+            ("Wholemilk", [0.913, 0.888, 0.771]),
         ];
         for (name, expected) in rows {
             let m = find(name).unwrap();

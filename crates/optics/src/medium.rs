@@ -134,7 +134,8 @@ mod tests {
     #[test]
     fn coefficients_come_back_in_rgb_and_scale() {
         let (a, s) = ([0.0011, 0.0024, 0.014], [2.55, 3.21, 3.77]);
-        let m = Homogeneous::scattering(Spectra::rgb_unbounded(a).unwrap(), Spectra::rgb_unbounded(s).unwrap(), 0.3).unwrap();
+        let m = Homogeneous::scattering(Spectra::rgb_unbounded(a).unwrap(), Spectra::rgb_unbounded(s).unwrap(), 0.3)
+            .unwrap();
         let w = Wavelengths::<3>::sample(WavelengthMode::Rgb, 0.1);
         let c = m.scaled(10.0).unwrap().at(&w);
         assert_eq!((c.sigma_a.0, c.sigma_s.0), (a.map(|x| x * 10.0), s.map(|x| x * 10.0)));

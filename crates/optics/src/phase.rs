@@ -59,7 +59,11 @@ impl HenyeyGreenstein {
     pub fn eval_cos(&self, cos: f32) -> f32 {
         let g = self.g;
         // 1 + g^2 - 2 g cos, written without cancellation where the peak is.
-        let d = if g >= 0.0 { (1.0 - g) * (1.0 - g) + 2.0 * g * (1.0 - cos) } else { (1.0 + g) * (1.0 + g) - 2.0 * g * (1.0 + cos) };
+        let d = if g >= 0.0 {
+            (1.0 - g) * (1.0 - g) + 2.0 * g * (1.0 - cos)
+        } else {
+            (1.0 + g) * (1.0 + g) - 2.0 * g * (1.0 + cos)
+        };
         (1.0 - g) * (1.0 + g) / (4.0 * PI * d * d.sqrt())
     }
 
@@ -179,7 +183,9 @@ mod tests {
                 let c = p.sample_cos(u);
                 let (g, u) = (f64::from(g), f64::from(u));
                 // Solve cdf(c) = u in f64: cdf = (1 - g^2) / (2 g) (1 / sqrt(1 + g^2 - 2 g c) - 1 / (1 + g)).
-                let exact = if g.abs() < 1e-5 { 2.0 * u - 1.0 + 6.0 * g * u * (1.0 - u) } else {
+                let exact = if g.abs() < 1e-5 {
+                    2.0 * u - 1.0 + 6.0 * g * u * (1.0 - u)
+                } else {
                     (1.0 + g * g - ((1.0 - g * g) / (1.0 - g + 2.0 * g * u)).powi(2)) / (2.0 * g)
                 };
                 worst = worst.max((f64::from(c) - exact).abs());

@@ -90,7 +90,14 @@ mod tests {
             lens_radius: 0.0,
             focal_distance: 1.0,
         };
-        let film = FilmDescription { width: 300, height: 100, crop: [0, 300, 0, 100], filename: None, imaging_ratio: 1.0, max_component_value: None };
+        let film = FilmDescription {
+            width: 300,
+            height: 100,
+            crop: [0, 300, 0, 100],
+            filename: None,
+            imaging_ratio: 1.0,
+            max_component_value: None,
+        };
         let c = Camera::new(&d, &film);
         let (_, top) = c.ray(Vec2::new(150.0, 0.0), [0.5; 2]);
         assert!((top.y / top.z - 30f32.to_radians().tan()).abs() < 1e-6 && top.x.abs() < 1e-6);

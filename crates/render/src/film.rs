@@ -63,7 +63,14 @@ impl Aov {
             Self::Depth => &["Depth.Z"],
             Self::Variance => &["Variance.R", "Variance.G", "Variance.B"],
             Self::Order => &[
-                "Scatter0.R", "Scatter0.G", "Scatter0.B", "Scatter1.R", "Scatter1.G", "Scatter1.B", "Scatter2.R", "Scatter2.G",
+                "Scatter0.R",
+                "Scatter0.G",
+                "Scatter0.B",
+                "Scatter1.R",
+                "Scatter1.G",
+                "Scatter1.B",
+                "Scatter2.R",
+                "Scatter2.G",
                 "Scatter2.B",
             ],
             Self::Subsurface => &["Subsurface.R", "Subsurface.G", "Subsurface.B"],
@@ -199,7 +206,14 @@ impl Film {
     /// Adds a sample to an update. `pixel` counts within the tile, `u` are uniform variates for the rounding.
     ///
     /// Returns false and adds zero if a value is NaN, infinite or beyond [`LARGEST`].
-    pub fn add(&self, update: &mut TileUpdate, pixel: usize, sample: u64, s: &PixelSample, mut u: impl FnMut() -> f32) -> bool {
+    pub fn add(
+        &self,
+        update: &mut TileUpdate,
+        pixel: usize,
+        sample: u64,
+        s: &PixelSample,
+        mut u: impl FnMut() -> f32,
+    ) -> bool {
         let ok = s.rgb.iter().all(|c| c.is_finite() && c.abs() <= LARGEST);
         if !ok {
             return false;
@@ -253,7 +267,12 @@ impl Film {
             let b = other.tile(i);
             let mut a = self.tile(i);
             if self.first + a.samples != other.first {
-                return Err(format!("samples {}.. do not follow {}..{}", other.first, self.first, self.first + a.samples));
+                return Err(format!(
+                    "samples {}.. do not follow {}..{}",
+                    other.first,
+                    self.first,
+                    self.first + a.samples
+                ));
             }
             a.samples += b.samples;
             a.sums.iter_mut().zip(&b.sums).for_each(|(a, b)| *a += b);
@@ -327,7 +346,8 @@ fn between(dealt: &[u64; K], n: u64, sum: impl Fn(usize) -> f64, mean: f64) -> f
     if used < 2 {
         return f64::NAN;
     }
-    let s: f64 = (0..K).filter(|&k| dealt[k] > 0).map(|k| dealt[k] as f64 * (sum(k) / dealt[k] as f64 - mean).powi(2)).sum();
+    let s: f64 =
+        (0..K).filter(|&k| dealt[k] > 0).map(|k| dealt[k] as f64 * (sum(k) / dealt[k] as f64 - mean).powi(2)).sum();
     s / (n as f64 * (used - 1) as f64)
 }
 

@@ -23,7 +23,8 @@ impl Axis {
         let width = 2.0 * f64::from(radius) / CELLS as f64;
         let at = |i: f64| -f64::from(radius) + i * width;
         // Tabulate the magnitude at cell centres, kept positive so that no cell with a zero crossing is missed.
-        let magnitude: Vec<f64> = (0..CELLS).map(|i| f64::from(value(kind, radius, at(i as f64 + 0.5) as f32)).abs() + 1e-4).collect();
+        let magnitude: Vec<f64> =
+            (0..CELLS).map(|i| f64::from(value(kind, radius, at(i as f64 + 0.5) as f32)).abs() + 1e-4).collect();
         let total: f64 = magnitude.iter().sum();
         let mut sum = 0.0;
         let mut cdf = vec![0.0];
@@ -35,7 +36,8 @@ impl Axis {
         // Integrate by the midpoint rule on 16 points per cell: below 1e-6 for these filters.
         let fine = 16 * CELLS;
         let integral =
-            (0..fine).map(|i| f64::from(value(kind, radius, at((i as f64 + 0.5) / 16.0) as f32))).sum::<f64>() * width / 16.0;
+            (0..fine).map(|i| f64::from(value(kind, radius, at((i as f64 + 0.5) / 16.0) as f32))).sum::<f64>() * width
+                / 16.0;
         Self { kind, radius, cdf, integral }
     }
 
@@ -69,11 +71,17 @@ fn value(kind: FilterKind, radius: f32, x: f32) -> f32 {
             if x <= 1.0 {
                 ((12.0 - 9.0 * b - 6.0 * c) * x * x * x + (-18.0 + 12.0 * b + 6.0 * c) * x * x + (6.0 - 2.0 * b)) / 6.0
             } else {
-                ((-b - 6.0 * c) * x * x * x + (6.0 * b + 30.0 * c) * x * x + (-12.0 * b - 48.0 * c) * x + (8.0 * b + 24.0 * c)) / 6.0
+                ((-b - 6.0 * c) * x * x * x
+                    + (6.0 * b + 30.0 * c) * x * x
+                    + (-12.0 * b - 48.0 * c) * x
+                    + (8.0 * b + 24.0 * c))
+                    / 6.0
             }
         }
         FilterKind::Sinc { tau } => {
-            let sinc = |x: f32| if x.abs() < 1e-5 { 1.0 } else { (PI * x).sin() / (PI * x) };
+            let sinc = |x: f32| {
+                if x.abs() < 1e-5 { 1.0 } else { (PI * x).sin() / (PI * x) }
+            };
             sinc(x) * sinc(x / tau)
         }
     }

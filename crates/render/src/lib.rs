@@ -1,3 +1,19 @@
-//! moonmilk-render.
+//! From a scene description to a film: cameras, lights, materials, and exact volumetric transport.
+//!
+//! Data flows one way: [`description::SceneDescription`] -> [`scene::Scene`] -> [`film::Film`]. Nothing here reads files,
+//! prints, or looks at the clock; a sample of a pixel is a pure function of scene, settings, pixel and sample number
+//! ([`session::sample`]).
 
+pub mod bsdf;
+pub mod camera;
+mod connect;
 pub mod description;
+pub mod film;
+pub mod filter;
+pub mod integrator;
+mod interior;
+pub mod lights;
+pub mod material;
+pub mod scene;
+pub mod session;
+pub mod texture;

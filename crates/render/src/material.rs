@@ -82,8 +82,10 @@ impl Materials {
     pub fn new(d: &SceneDescription, textures: &Textures) -> Result<Self, MaterialError> {
         let mut list = Vec::with_capacity(d.materials.len());
         for (id, m) in d.materials.iter().enumerate() {
-            let prepared = prepare(d, id, textures)
-                .map_err(|reason| MaterialError { place: Some(m.place.clone()), reason: format!("material {}: {reason}", m.name.as_deref().unwrap_or("without name")) })?;
+            let prepared = prepare(d, id, textures).map_err(|reason| MaterialError {
+                place: Some(m.place.clone()),
+                reason: format!("material {}: {reason}", m.name.as_deref().unwrap_or("without name")),
+            })?;
             list.push(prepared);
         }
         let smooth_eta = list.iter().map(|m| smooth_eta(m, textures)).collect();
@@ -161,7 +163,14 @@ impl Materials {
     }
 
     /// Returns the BSDF of a material that is not a mixture; `u` keys the walks of coats, which so differ from sample to sample.
-    fn bsdf<const N: usize>(&self, id: MaterialId, t: &Textures, at: &TexturePoint, w: &Wavelengths<N>, u: f32) -> Bsdf<N> {
+    fn bsdf<const N: usize>(
+        &self,
+        id: MaterialId,
+        t: &Textures,
+        at: &TexturePoint,
+        w: &Wavelengths<N>,
+        u: f32,
+    ) -> Bsdf<N> {
         let m = &self.list[id];
         let albedo = |id: SpectrumTextureId| t.eval_spectrum(id, at, w, Role::Albedo);
         let dielectric = |ggx: Option<Ggx>| {
@@ -189,7 +198,17 @@ impl Materials {
             };
             let g = t.eval_float(g, at).clamp(-0.999, 0.999);
             let seed = u64::from(u.to_bits());
-            Bsdf::Layered(Layered { coat, base, thickness, g, albedo: albedo(layer), max_depth, samples, seed, internal })
+            Bsdf::Layered(Layered {
+                coat,
+                base,
+                thickness,
+                g,
+                albedo: albedo(layer),
+                max_depth,
+                samples,
+                seed,
+                internal,
+            })
         };
         match &m.kind {
             MaterialKind::Diffuse { reflectance } | MaterialKind::StandIn { reflectance } => {
@@ -206,12 +225,29 @@ impl Materials {
                 Bsdf::Dielectric(dielectric(ggx(roughness, t, at)))
             }
             MaterialKind::ThinDielectric { .. } => Bsdf::ThinDielectric(dielectric(None).eta),
-            MaterialKind::CoatedDiffuse { reflectance, roughness, thickness, g, albedo: layer, max_depth, samples, .. } => {
+            MaterialKind::CoatedDiffuse {
+                reflectance,
+                roughness,
+                thickness,
+                g,
+                albedo: layer,
+                max_depth,
+                samples,
+                ..
+            } => {
                 let base = Base::Diffuse(Diffuse { reflectance: albedo(*reflectance) });
                 layered(dielectric(ggx(roughness, t, at)), base, *thickness, *g, *layer, *max_depth, *samples)
             }
             MaterialKind::CoatedConductor {
-                interface_roughness, thickness, g, albedo: layer, conductor: color, conductor_roughness, max_depth, samples, ..
+                interface_roughness,
+                thickness,
+                g,
+                albedo: layer,
+                conductor: color,
+                conductor_roughness,
+                max_depth,
+                samples,
+                ..
             } => {
                 // The metal borders on the coat: its index is relative to it.
                 let coat = dielectric(ggx(interface_roughness, t, at));
@@ -228,9 +264,17 @@ impl Materials {
     ///
     /// `scale` multiplies coefficients, or the mean free path if the medium is given by its reflectance (as in pbrt-v4). There,
     /// the single-scattering albedo is the exact inverse of the half-space albedo ([`moonmilk_optics::inversion`]).
-    pub fn medium_at<const N: usize>(&self, id: MaterialId, t: &Textures, at: &TexturePoint, w: &Wavelengths<N>) -> Option<Medium<N>> {
+    pub fn medium_at<const N: usize>(
+        &self,
+        id: MaterialId,
+        t: &Textures,
+        at: &TexturePoint,
+        w: &Wavelengths<N>,
+    ) -> Option<Medium<N>> {
         let m = &self.list[id];
-        let MaterialKind::Subsurface { medium, scale, g, .. } = &m.kind else { return None };
+        let MaterialKind::Subsurface { medium, scale, g, .. } = &m.kind else {
+            return None;
+        };
         let value = |id: SpectrumTextureId, role| t.eval_spectrum(id, at, w, role);
         let (sigma_a, sigma_s) = match medium {
             SubsurfaceMedium::Coefficients { sigma_a, sigma_s } => {
@@ -251,11 +295,16 @@ impl Materials {
 /// Returns the microfacets of a roughness at a point.
 #[inline]
 fn ggx(r: &Roughness, t: &Textures, at: &TexturePoint) -> Option<Ggx> {
-    Ggx::new(Vec2::new(roughness_to_alpha(t.eval_float(r.u, at), r.remap), roughness_to_alpha(t.eval_float(r.v, at), r.remap)))
+    Ggx::new(Vec2::new(
+        roughness_to_alpha(t.eval_float(r.u, at), r.remap),
+        roughness_to_alpha(t.eval_float(r.v, at), r.remap),
+    ))
 }
 
 fn smooth_eta(m: &Prepared, t: &Textures) -> Option<f32> {
-    let (MaterialKind::Dielectric { roughness, .. } | MaterialKind::Subsurface { roughness, .. }) = &m.kind else { return None };
+    let (MaterialKind::Dielectric { roughness, .. } | MaterialKind::Subsurface { roughness, .. }) = &m.kind else {
+        return None;
+    };
     let smooth = |id| t.constant_float(id).is_some_and(|r| roughness_to_alpha(r, roughness.remap) < SMOOTH_ALPHA);
     let index = m.index.as_ref()?;
     (smooth(roughness.u) && smooth(roughness.v) && !index.dispersive).then(|| index.spectrum.eval(550.0))
@@ -294,7 +343,16 @@ fn prepare(d: &SceneDescription, id: MaterialId, t: &Textures) -> Result<Prepare
                 return Err(format!("scale = {scale} is outside [0, inf)"));
             }
         }
-        MaterialKind::CoatedDiffuse { reflectance, roughness, thickness, eta, g, albedo: layer, max_depth, samples } => {
+        MaterialKind::CoatedDiffuse {
+            reflectance,
+            roughness,
+            thickness,
+            eta,
+            g,
+            albedo: layer,
+            max_depth,
+            samples,
+        } => {
             albedo(*reflectance).and_then(|()| albedo(*layer)).and_then(|()| rough(roughness))?;
             float(*thickness).and_then(|()| float(*g)).and_then(|()| walk(*max_depth, *samples))?;
             let coat = index(eta)?;
@@ -306,10 +364,21 @@ fn prepare(d: &SceneDescription, id: MaterialId, t: &Textures) -> Result<Prepare
             prepared.index = Some(coat);
         }
         MaterialKind::CoatedConductor {
-            interface_roughness, thickness, interface_eta, g, albedo: layer, conductor, conductor_roughness, max_depth, samples,
+            interface_roughness,
+            thickness,
+            interface_eta,
+            g,
+            albedo: layer,
+            conductor,
+            conductor_roughness,
+            max_depth,
+            samples,
         } => {
             rough(interface_roughness).and_then(|()| rough(conductor_roughness)).and_then(|()| color(conductor))?;
-            float(*thickness).and_then(|()| float(*g)).and_then(|()| albedo(*layer)).and_then(|()| walk(*max_depth, *samples))?;
+            float(*thickness)
+                .and_then(|()| float(*g))
+                .and_then(|()| albedo(*layer))
+                .and_then(|()| walk(*max_depth, *samples))?;
             prepared.index = Some(index(interface_eta)?);
         }
         MaterialKind::Conductor { color: c, roughness } => color(c).and_then(|()| rough(roughness))?,
@@ -328,7 +397,9 @@ fn prepare(d: &SceneDescription, id: MaterialId, t: &Textures) -> Result<Prepare
             }
             prepared.index = Some(index(&IndexSpectrum::Constant(*eta))?);
             match medium {
-                SubsurfaceMedium::Coefficients { sigma_a, sigma_s } => value(*sigma_a).and_then(|()| value(*sigma_s))?,
+                SubsurfaceMedium::Coefficients { sigma_a, sigma_s } => {
+                    value(*sigma_a).and_then(|()| value(*sigma_s))?
+                }
                 SubsurfaceMedium::Reflectance { reflectance, mfp } => {
                     albedo(*reflectance).and_then(|()| value(*mfp))?;
                     prepared.albedo = Some(AlbedoTable::new(f64::from(*eta)).map_err(|e| e.to_string())?);

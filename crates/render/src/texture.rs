@@ -10,8 +10,8 @@ use moonmilk_core::upsampling::{sample_albedo, sample_unbounded};
 use moonmilk_core::{Spectra, SpectraError, Spectrum, Vec2, Vec3, Wavelengths};
 
 use crate::description::{
-    FloatTexture, FloatTextureId, ImageDescription, SceneDescription, SpectrumDescription, SpectrumTexture, SpectrumTextureId,
-    TextureMapping, Wrap,
+    FloatTexture, FloatTextureId, ImageDescription, SceneDescription, SpectrumDescription, SpectrumTexture,
+    SpectrumTextureId, TextureMapping, Wrap,
 };
 use crate::material::MaterialError;
 
@@ -89,7 +89,9 @@ impl Constant {
 
     fn sample<const N: usize>(&self, w: &Wavelengths<N>, role: Role) -> Spectrum<N> {
         match role {
-            Role::Albedo => self.albedo.as_ref().map_or_else(|| self.unbounded.sample(w).map(|x| x.min(1.0)), |s| s.sample(w)),
+            Role::Albedo => {
+                self.albedo.as_ref().map_or_else(|| self.unbounded.sample(w).map(|x| x.min(1.0)), |s| s.sample(w))
+            }
             Role::Unbounded => self.unbounded.sample(w),
             Role::Illuminant => self.illuminant.sample(w),
         }
@@ -103,8 +105,12 @@ impl Textures {
     pub fn new(d: &SceneDescription) -> Result<Self, MaterialError> {
         let mut images = vec![None; d.images.len()];
         let mut keep = |id: usize, name: &str| -> Result<(), MaterialError> {
-            let image = d.images.get(id).ok_or_else(|| MaterialError::texture(format!("{name} uses picture {id}, which does not exist")))?;
-            if image.width == 0 || image.height == 0 || image.rgb.len() != image.width as usize * image.height as usize {
+            let image = d
+                .images
+                .get(id)
+                .ok_or_else(|| MaterialError::texture(format!("{name} uses picture {id}, which does not exist")))?;
+            if image.width == 0 || image.height == 0 || image.rgb.len() != image.width as usize * image.height as usize
+            {
                 return Err(MaterialError::texture(format!("picture {} is empty or incomplete", image.name)));
             }
             if images[id].is_none() {
@@ -130,7 +136,9 @@ impl Textures {
                 SpectrumTexture::Constant(_) => (vec![], vec![], None),
                 SpectrumTexture::Scale(a, f) => (vec![*a], vec![*f], None),
                 SpectrumTexture::Mix { a, b, amount } => (vec![*a, *b], vec![*amount], None),
-                SpectrumTexture::DirectionMix { a, b, .. } | SpectrumTexture::Checkerboard { a, b, .. } => (vec![*a, *b], vec![], None),
+                SpectrumTexture::DirectionMix { a, b, .. } | SpectrumTexture::Checkerboard { a, b, .. } => {
+                    (vec![*a, *b], vec![], None)
+                }
                 SpectrumTexture::Image { image, .. } => (vec![], vec![], Some(*image)),
             };
             before(&name, &refers, i)?;
@@ -162,7 +170,9 @@ impl Textures {
                 self.eval_float(*a, at) * (1.0 - t) + self.eval_float(*b, at) * t
             }
             FloatTexture::Image { image, mapping, wrap, scale, invert, bilinear } => {
-                let Some(image) = &self.images[*image] else { return 0.0 };
+                let Some(image) = &self.images[*image] else {
+                    return 0.0;
+                };
                 let x = if image.alpha.is_empty() {
                     let [r, g, b] = lookup(image, mapping, *wrap, *bilinear, at, |i| image.rgb[i]);
                     (r + g + b) / 3.0
@@ -171,7 +181,9 @@ impl Textures {
                 };
                 finish(x, *scale, *invert)
             }
-            FloatTexture::Checkerboard { mapping, a, b } => self.eval_float(if even(mapping, at) { *a } else { *b }, at),
+            FloatTexture::Checkerboard { mapping, a, b } => {
+                self.eval_float(if even(mapping, at) { *a } else { *b }, at)
+            }
         }
     }
 
@@ -196,8 +208,11 @@ impl Textures {
             SpectrumTexture::Mix { a, b, amount } => mix(*a, *b, self.eval_float(*amount, at)),
             SpectrumTexture::DirectionMix { a, b, dir } => mix(*a, *b, at.n.dot(*dir).abs()),
             SpectrumTexture::Image { image, mapping, wrap, scale, invert, bilinear } => {
-                let Some(image) = &self.images[*image] else { return Spectrum::ZERO };
-                let rgb = lookup(image, mapping, *wrap, *bilinear, at, |i| image.rgb[i]).map(|x| finish(x, *scale, *invert));
+                let Some(image) = &self.images[*image] else {
+                    return Spectrum::ZERO;
+                };
+                let rgb =
+                    lookup(image, mapping, *wrap, *bilinear, at, |i| image.rgb[i]).map(|x| finish(x, *scale, *invert));
                 match role {
                     Role::Albedo => sample_albedo(rgb.map(|x| x.min(1.0)), w),
                     Role::Unbounded | Role::Illuminant => sample_unbounded(rgb, w),
@@ -372,7 +387,10 @@ mod tests {
         assert!((value(2, 9.0, -7.0) - 1.0).abs() < 1e-6, "clamps to the corner");
         assert!((value(3, 0.6, 0.4) - 1.0).abs() < 1e-6, "nearest");
         assert!((value(4, 0.6, 0.4) - 0.5).abs() < 1e-6, "scaled, then inverted");
-        assert!(value(0, f32::NAN, f32::INFINITY).is_nan() || value(0, f32::NAN, 0.0) <= 1.0, "odd coordinates do not panic");
+        assert!(
+            value(0, f32::NAN, f32::INFINITY).is_nan() || value(0, f32::NAN, 0.0) <= 1.0,
+            "odd coordinates do not panic"
+        );
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! The plain walk: exact, with no other means than flights, collisions and walls.
 
-use moonmilk_core::{Random, Spectrum};
+use moonmilk_core::Random;
 
 use crate::domain::{Domain, Wall};
 use crate::medium::Medium;
@@ -39,6 +39,22 @@ impl Roulette {
     }
 }
 
+/// When walks end besides leaving.
+#[derive(Clone, Copy, Debug)]
+pub struct Limits {
+    /// Roulette of little weights.
+    pub roulette: Roulette,
+    /// Value of [`Walker::collisions`] at which a further collision ends the walk: a bias, for reproducing other
+    /// renderers' truncation. `u32::MAX` for none.
+    pub collisions: u32,
+}
+
+impl From<Roulette> for Limits {
+    fn from(roulette: Roulette) -> Self {
+        Self { roulette, collisions: u32::MAX }
+    }
+}
+
 /// How a walk ended.
 #[derive(Clone, Copy, Debug)]
 pub enum Outcome<E> {
@@ -58,7 +74,7 @@ pub enum Outcome<E> {
 pub fn walk<const N: usize, D, T, R>(
     domain: &D,
     medium: &Medium<N>,
-    roulette: &Roulette,
+    limits: &Limits,
     walker: &mut Walker<N>,
     tally: &mut T,
     rng: &mut R,
@@ -69,7 +85,8 @@ where
     R: Random,
 {
     let mean_free_path = 1.0 / medium.sigma_t[0];
-    let mut on_wall = domain.start();
+    let connects = tally.connects();
+    let mut on_wall = domain.first();
     loop {
         // Draw the free flight of the hero lane.
         let t = -rng.uniform().ln() * mean_free_path;
@@ -95,6 +112,10 @@ where
             }
         }
 
+        if walker.collisions >= limits.collisions {
+            return Outcome::Ended;
+        }
+
         // Move to the collision and weigh what is scattered there.
         tally.flight(walker, t);
         walker.p += walker.d * t;
@@ -106,7 +127,7 @@ where
         walker.beta = arrived * medium.sigma_s;
 
         // End walks that carry little, keeping the mean.
-        match roulette.play(walker.beta.max_value() * walker.eta_scale, rng) {
+        match limits.roulette.play(walker.beta.max_value() * walker.eta_scale, rng) {
             Some(1.0) => {}
             Some(factor) => walker.beta *= factor,
             None => return Outcome::Ended,
@@ -114,14 +135,12 @@ where
 
         // Turn by the phase function; the hero's density is every lane's.
         let d = medium.scatter(walker.d, rng);
-        walker.direction_pdf = Some(medium.phase(walker.d, d));
-        walker.scatter_point = walker.p;
+        if connects {
+            walker.direction_pdf = Some(medium.phase(walker.d, d));
+            walker.scatter_point = walker.p;
+        } else {
+            walker.direction_pdf = None;
+        }
         walker.d = d;
     }
-}
-
-/// Returns the weight per lane of a straight flight of length t towards a light, relative to the lanes' mean density.
-#[inline]
-pub fn connection_weight<const N: usize>(medium: &Medium<N>, t: f32) -> Spectrum<N> {
-    medium.transmittance(t)
 }

@@ -26,6 +26,12 @@ pub trait Domain<const N: usize> {
     /// Returns the wall value of a start away from any wall.
     fn start(&self) -> Self::Wall;
 
+    /// Returns the wall that the walk starts on.
+    #[inline]
+    fn first(&self) -> Self::Wall {
+        self.start()
+    }
+
     /// Returns a lower bound of the distance from p to any wall; 0 is always right.
     fn room(&self, p: Vec3) -> f32;
 
@@ -33,7 +39,13 @@ pub trait Domain<const N: usize> {
     fn segment(&self, p: Vec3, d: Vec3, t_max: f32, from: &Self::Wall) -> Option<(f32, Self::Wall)>;
 
     /// Moves the walker to the wall at distance t and decides what happens there.
-    fn arrive<R: Random>(&self, wall: Self::Wall, t: f32, walker: &mut Walker<N>, rng: &mut R) -> Wall<Self::Wall, Self::Exit>;
+    fn arrive<R: Random>(
+        &self,
+        wall: Self::Wall,
+        t: f32,
+        walker: &mut Walker<N>,
+        rng: &mut R,
+    ) -> Wall<Self::Wall, Self::Exit>;
 
     /// Returns whether p lies certainly outside (rounding put it there).
     fn is_outside(&self, p: Vec3) -> bool;

@@ -16,7 +16,7 @@ pub mod medium;
 pub mod tally;
 pub mod walker;
 
-pub use classic::{Outcome, Roulette, walk};
+pub use classic::{Limits, Outcome, Roulette, walk};
 pub use domain::{Domain, Wall};
 pub use medium::Medium;
 pub use tally::{NoTally, PathLength, Tally};

@@ -14,7 +14,8 @@ pub fn sin_cos_turn(u: f32) -> (f32, f32) {
     let x = (u * 4.0 - quarter) * (2.0 * FRAC_PI_4);
     let x2 = x * x;
     let s = x * (1.0 + x2 * (-1.0 / 6.0 + x2 * (1.0 / 120.0 + x2 * (-1.0 / 5040.0 + x2 * (1.0 / 362_880.0)))));
-    let c = 1.0 + x2 * (-0.5 + x2 * (1.0 / 24.0 + x2 * (-1.0 / 720.0 + x2 * (1.0 / 40_320.0 - x2 * (1.0 / 3_628_800.0)))));
+    let c =
+        1.0 + x2 * (-0.5 + x2 * (1.0 / 24.0 + x2 * (-1.0 / 720.0 + x2 * (1.0 / 40_320.0 - x2 * (1.0 / 3_628_800.0)))));
     match quarter as i32 & 3 {
         0 => (s, c),
         1 => (c, -s),
@@ -73,7 +74,9 @@ mod tests {
     fn henyey_greenstein_cosines_have_mean_g() {
         for g in [-0.95f32, -0.5, -1e-4, 0.0, 1e-6, 0.3, 0.9, 0.99] {
             let n = 1 << 20;
-            let mean: f64 = (0..n).map(|i| f64::from(henyey_greenstein_cosine(g, (i as f32 + 0.5) / n as f32))).sum::<f64>() / f64::from(n);
+            let mean: f64 =
+                (0..n).map(|i| f64::from(henyey_greenstein_cosine(g, (i as f32 + 0.5) / n as f32))).sum::<f64>()
+                    / f64::from(n);
             // Midpoint rule over 2^20 cells and single-precision evaluation.
             assert!((mean - f64::from(g)).abs() < 1e-5, "g = {g}: mean {mean}");
         }

@@ -66,6 +66,10 @@ impl<const N: usize> Medium<N> {
     #[inline]
     pub fn scatter(&self, d: Vec3, rng: &mut impl Random) -> Vec3 {
         let u = rng.uniform2();
-        if self.g == 0.0 { math::uniform_sphere(u) } else { math::deflect(d, math::henyey_greenstein_cosine(self.g, u[0]), u[1]) }
+        if self.g == 0.0 {
+            math::uniform_sphere(u)
+        } else {
+            math::deflect(d, math::henyey_greenstein_cosine(self.g, u[0]), u[1])
+        }
     }
 }

@@ -14,7 +14,14 @@ pub trait Tally<const N: usize, R: Random> {
     /// Called at each collision; `arrived` is the weight there per unit coefficient [length]: times sigma_s it continues,
     /// times sigma_a it is absorbed (or emitted).
     #[inline]
-    fn collision(&mut self, _walker: &Walker<N>, _medium: &Medium<N>, _arrived: Spectrum<N>, _rng: &mut R) {}
+    fn collision(&mut self, _walker: &mut Walker<N>, _medium: &Medium<N>, _arrived: Spectrum<N>, _rng: &mut R) {}
+
+    /// Returns whether this tally looks for light at collisions. If not, directions count as drawn without competition, so
+    /// that lights found by chance count in full.
+    #[inline]
+    fn connects(&self) -> bool {
+        false
+    }
 }
 
 /// Records nothing.

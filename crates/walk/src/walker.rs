@@ -44,9 +44,9 @@ impl<const N: usize> Walker<N> {
         }
     }
 
-    /// Restores mean(ratio) = 1, moving the factor into the weight.
+    /// Restores mean(ratio) = 1, moving the factor into the weight; returns that factor.
     #[inline]
-    pub fn renormalize(&mut self) {
+    pub fn renormalize(&mut self) -> f32 {
         let m = self.ratio.mean();
         // All densities can underflow only if the hero's did, which sampling makes impossible; guard against 0/0 alone.
         if m > 0.0 {
@@ -55,19 +55,26 @@ impl<const N: usize> Walker<N> {
         } else {
             self.beta = Spectrum::ZERO;
         }
+        m
     }
 
     /// Applies the weights of a flight of length t that reached a wall: T_j against the density T_j of each lane.
     #[inline]
     pub fn pass(&mut self, medium: &Medium<N>, t: f32) {
-        if N == 1 || medium.is_gray() {
-            return;
-        }
         let s0 = medium.sigma_t[0];
-        let relative = medium.sigma_t.map(|s| ((s0 - s) * t).clamp(-80.0, 80.0).exp());
-        self.beta *= relative;
-        self.ratio *= relative;
-        self.renormalize();
+        // Light sampling competes with having got through: the density gains the mean transmittance.
+        let hero = if self.direction_pdf.is_some() && s0 > 0.0 { (-s0 * t).exp() } else { 1.0 };
+        let mut mean = 1.0;
+        if N > 1 && !medium.is_gray() {
+            // t was drawn with s0, so that s0 t < 17: the exponent is bounded above.
+            let relative = medium.sigma_t.map(|s| ((s0 - s) * t).exp());
+            self.beta *= relative;
+            self.ratio *= relative;
+            mean = self.renormalize();
+        }
+        if let Some(pdf) = &mut self.direction_pdf {
+            *pdf *= hero * mean;
+        }
     }
 
     /// Applies the weights of a flight of length t that ended in a collision, without the factor sigma_s or sigma_a:
@@ -78,7 +85,7 @@ impl<const N: usize> Walker<N> {
             return self.beta / medium.sigma_t[0];
         }
         let s0 = medium.sigma_t[0];
-        let relative = medium.sigma_t.map(|s| ((s0 - s) * t).clamp(-80.0, 80.0).exp() / s0);
+        let relative = medium.sigma_t.map(|s| ((s0 - s) * t).exp() / s0);
         self.beta *= relative;
         self.ratio *= relative * medium.sigma_t;
         self.renormalize();

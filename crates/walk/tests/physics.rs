@@ -44,7 +44,7 @@ fn path_length(eta: f32, sigma_s: f32, g: f32, n: u64) -> Estimate {
         let mut length = PathLength::default();
         if let Some(d) = enter(d, Vec3::Z, eta, &mut rng) {
             let mut w = Walker::new(Vec3::Z, d);
-            let out = walk(&ball, &medium, &Roulette::default(), &mut w, &mut length, &mut rng);
+            let out = walk(&ball, &medium, &Roulette::default().into(), &mut w, &mut length, &mut rng);
             assert!(matches!(out, Outcome::Left(())), "{out:?}");
             assert_eq!(w.beta[0], 1.0, "a conservative walk keeps its weight");
         }
@@ -56,7 +56,13 @@ fn path_length(eta: f32, sigma_s: f32, g: f32, n: u64) -> Estimate {
 #[test]
 fn mean_path_length_is_four_eta_squared_v_over_s_whatever_the_medium() {
     for (eta, sigma_s, g) in [
-        (1.0, 0.01, 0.0), (1.0, 10.0, 0.0), (1.33, 1.0, -0.5), (1.33, 30.0, 0.9), (1.5, 3.0, 0.5), (1.5, 30.0, 0.0), (2.0, 5.0, 0.95),
+        (1.0, 0.01, 0.0),
+        (1.0, 10.0, 0.0),
+        (1.33, 1.0, -0.5),
+        (1.33, 30.0, 0.9),
+        (1.5, 3.0, 0.5),
+        (1.5, 30.0, 0.0),
+        (2.0, 5.0, 0.95),
         (2.0, 0.1, 0.0),
     ] {
         let e = path_length(eta, sigma_s, g, 60_000 * slow());
@@ -71,7 +77,7 @@ fn shares(slab: Slab, medium: Medium<1>, n: u64) -> (Estimate, Estimate) {
     for i in 0..n {
         let mut rng = Stream::new(&[12, i]);
         let mut w = Walker::new(Vec3::ZERO, Vec3::Z);
-        let out = walk(&slab, &medium, &Roulette::default(), &mut w, &mut NoTally, &mut rng);
+        let out = walk(&slab, &medium, &Roulette::default().into(), &mut w, &mut NoTally, &mut rng);
         let beta = f64::from(w.beta[0]);
         front.add(if matches!(out, Outcome::Left(Face::Front)) { beta } else { 0.0 });
         back.add(if matches!(out, Outcome::Left(Face::Back)) { beta } else { 0.0 });
@@ -83,8 +89,16 @@ fn shares(slab: Slab, medium: Medium<1>, n: u64) -> (Estimate, Estimate) {
 fn half_space_albedos_are_those_of_the_exact_solution() {
     // Albedo of entered light at normal incidence, isotropic scattering; exact half-space solution (six digits).
     for (alpha, eta, exact) in [
-        (0.3, 1.0, 0.057214), (0.8, 1.0, 0.285255), (0.9, 1.0, 0.414947), (0.99, 1.0, 0.752721), (0.5, 1.33, 0.060331),
-        (0.9, 1.33, 0.280356), (0.99, 1.33, 0.645854), (0.8, 1.5, 0.137478), (0.98, 1.5, 0.480701), (0.999, 1.5, 0.834853),
+        (0.3, 1.0, 0.057214),
+        (0.8, 1.0, 0.285255),
+        (0.9, 1.0, 0.414947),
+        (0.99, 1.0, 0.752721),
+        (0.5, 1.33, 0.060331),
+        (0.9, 1.33, 0.280356),
+        (0.99, 1.33, 0.645854),
+        (0.8, 1.5, 0.137478),
+        (0.98, 1.5, 0.480701),
+        (0.999, 1.5, 0.834853),
     ] {
         let slab = Slab { thickness: f32::INFINITY, eta };
         let (r, _) = shares(slab, gray(1.0 - alpha, alpha, 0.0), 100_000 * slow());
@@ -120,7 +134,7 @@ fn chromatic_walks_agree_with_one_walk_per_wavelength() {
         let pick = |f: &dyn Fn(usize) -> f32| Spectrum(std::array::from_fn(|k| f(lane(k))));
         let m = Medium::<3>::new(pick(&|k| sigma_t[k] * (1.0 - alphas[k])), pick(&|k| sigma_t[k] * alphas[k]), 0.0);
         let mut w = Walker::new(Vec3::ZERO, Vec3::Z);
-        let out = walk(&slab, &m, &Roulette::default(), &mut w, &mut NoTally, &mut rng);
+        let out = walk(&slab, &m, &Roulette::default().into(), &mut w, &mut NoTally, &mut rng);
         for k in 0..3 {
             sums[lane(k)].add(if matches!(out, Outcome::Left(_)) { f64::from(w.beta[k]) } else { 0.0 });
         }
@@ -138,7 +152,9 @@ fn light_leaves_an_index_matched_half_space_at_the_angles_of_chandrasekhar() {
     let h = |mu: f64| {
         // H for alpha = .9 at 0, .25, .5, .75, 1 (Stibbs & Weir 1959), quartic through them: below 1e-3 between.
         let (x, y) = ([0.0, 0.25, 0.5, 0.75, 1.0], [1.0, 1.343271, 1.556034, 1.719001, 1.850099]);
-        (0..5).map(|i| y[i] * (0..5).filter(|&j| j != i).map(|j| (mu - x[j]) / (x[i] - x[j])).product::<f64>()).sum::<f64>()
+        (0..5)
+            .map(|i| y[i] * (0..5).filter(|&j| j != i).map(|j| (mu - x[j]) / (x[i] - x[j])).product::<f64>())
+            .sum::<f64>()
     };
     let slab = Slab { thickness: f32::INFINITY, eta: 1.0 };
     let medium = gray(1.0 - alpha, alpha, 0.0);
@@ -146,7 +162,7 @@ fn light_leaves_an_index_matched_half_space_at_the_angles_of_chandrasekhar() {
     for i in 0..300_000 * slow() {
         let mut rng = Stream::new(&[14, i]);
         let mut w = Walker::new(Vec3::ZERO, Vec3::Z);
-        let out = walk(&slab, &medium, &Roulette::default(), &mut w, &mut NoTally, &mut rng);
+        let out = walk(&slab, &medium, &Roulette::default().into(), &mut w, &mut NoTally, &mut rng);
         let bin = ((-w.d.z * 4.0) as usize).min(3);
         for (k, b) in bins.iter_mut().enumerate() {
             b.add(if k == bin && matches!(out, Outcome::Left(_)) { f64::from(w.beta[0]) } else { 0.0 });

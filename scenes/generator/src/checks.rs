@@ -41,15 +41,9 @@ fn no_triangle_is_degenerate_in_the_file() {
     for (name, mesh) in showcase() {
         for t in 0..mesh.triangles.len() {
             let p = mesh.corners(t);
-            let longest = (0..3)
-                .map(|k| p[k].distance(p[(k + 1) % 3]))
-                .fold(0.0, f64::max);
+            let longest = (0..3).map(|k| p[k].distance(p[(k + 1) % 3])).fold(0.0, f64::max);
             let height = (p[1] - p[0]).cross(p[2] - p[0]).length() / longest;
-            assert!(
-                height > 1e-3,
-                "{name}: triangle {t} at {} has height {height}",
-                p[0]
-            );
+            assert!(height > 1e-3, "{name}: triangle {t} at {} has height {height}", p[0]);
         }
     }
 }
@@ -64,11 +58,7 @@ fn vertex_normals_agree_with_the_faces_around_them() {
             let face = (b - a).cross(c - a).normalize();
             for i in mesh.triangles[t] {
                 let cosine = normals[i as usize].dot(face);
-                assert!(
-                    cosine > 0.2,
-                    "{name}: vertex {i} at {}, cosine {cosine}",
-                    mesh.positions[i as usize]
-                );
+                assert!(cosine > 0.2, "{name}: vertex {i} at {}, cosine {cosine}", mesh.positions[i as usize]);
             }
         }
     }
@@ -78,10 +68,7 @@ fn vertex_normals_agree_with_the_faces_around_them() {
 fn every_object_stays_above_the_table() {
     for (name, mesh) in showcase() {
         let lowest = mesh.bounds().0.z;
-        assert!(
-            lowest >= CLEARANCE - 1e-9,
-            "{name} reaches down to {lowest}"
-        );
+        assert!(lowest >= CLEARANCE - 1e-9, "{name} reaches down to {lowest}");
     }
 }
 
@@ -91,16 +78,8 @@ fn no_surface_crosses_another_or_itself() {
     for (k, (name, mesh)) in scene.iter().enumerate() {
         assert_eq!(crossing(mesh, mesh, true), None, "{name} crosses itself");
         for (other_name, other) in &scene[k + 1..] {
-            assert_eq!(
-                crossing(mesh, other, false),
-                None,
-                "{name} and {other_name}"
-            );
-            assert_eq!(
-                crossing(other, mesh, false),
-                None,
-                "{other_name} and {name}"
-            );
+            assert_eq!(crossing(mesh, other, false), None, "{name} and {other_name}");
+            assert_eq!(crossing(other, mesh, false), None, "{other_name} and {name}");
         }
     }
 }
@@ -108,24 +87,17 @@ fn no_surface_crosses_another_or_itself() {
 #[test]
 fn the_committed_files_are_what_the_generator_makes() {
     for (name, mesh) in showcase() {
-        let path = format!(
-            "{}/../showcase/geometry/{name}.ply",
-            env!("CARGO_MANIFEST_DIR")
-        );
+        let path = format!("{}/../showcase/geometry/{name}.ply", env!("CARGO_MANIFEST_DIR"));
         let bytes = std::fs::read(&path).expect("the geometry is committed");
         let mut made = Vec::new();
-        mesh.write_ply(&mut made)
-            .expect("writing to memory succeeds");
+        mesh.write_ply(&mut made).expect("writing to memory succeeds");
         assert_eq!(bytes.len(), made.len(), "{name}: size");
         let text = String::from_utf8_lossy(&made);
         let start = text.find("end_header\n").expect("a PLY header ends") + "end_header\n".len();
         assert_eq!(bytes[..start], made[..start], "{name}: header");
         // Allow for sines and cosines that differ in the last bit between platforms; a micrometre is far more than that.
-        for (k, (a, b)) in bytes[start..]
-            .chunks_exact(4)
-            .zip(made[start..].chunks_exact(4))
-            .take(6 * mesh.positions.len())
-            .enumerate()
+        for (k, (a, b)) in
+            bytes[start..].chunks_exact(4).zip(made[start..].chunks_exact(4)).take(6 * mesh.positions.len()).enumerate()
         {
             let [a, b] = [a, b].map(|x| f32::from_le_bytes(x.try_into().expect("chunks of four")));
             assert!((a - b).abs() < 1e-3, "{name}: value {k} is {a}, made {b}");
@@ -136,10 +108,7 @@ fn the_committed_files_are_what_the_generator_makes() {
 /// Where an edge of `a` pierces a triangle of `b`, if anywhere; with `same`, pairs that share a vertex are not counted.
 fn crossing(a: &Mesh, b: &Mesh, same: bool) -> Option<DVec3> {
     const CELL: f64 = 1.5;
-    let (low, high) = (
-        a.bounds().0.max(b.bounds().0),
-        a.bounds().1.min(b.bounds().1),
-    );
+    let (low, high) = (a.bounds().0.max(b.bounds().0), a.bounds().1.min(b.bounds().1));
     if low.cmpgt(high).any() {
         return None;
     }
@@ -147,9 +116,8 @@ fn crossing(a: &Mesh, b: &Mesh, same: bool) -> Option<DVec3> {
         let low = points.iter().fold(DVec3::INFINITY, |m, p| m.min(*p));
         let high = points.iter().fold(DVec3::NEG_INFINITY, |m, p| m.max(*p));
         let [low, high] = [low, high].map(|p| (p / CELL).floor().as_ivec3());
-        (low.x..=high.x).flat_map(move |x| {
-            (low.y..=high.y).flat_map(move |y| (low.z..=high.z).map(move |z| IVec3::new(x, y, z)))
-        })
+        (low.x..=high.x)
+            .flat_map(move |x| (low.y..=high.y).flat_map(move |y| (low.z..=high.z).map(move |z| IVec3::new(x, y, z))))
     };
     let mut grid: HashMap<IVec3, Vec<usize>> = HashMap::new();
     for t in 0..b.triangles.len() {
@@ -167,8 +135,7 @@ fn crossing(a: &Mesh, b: &Mesh, same: bool) -> Option<DVec3> {
             let [p, q] = [a.positions[i as usize], a.positions[j as usize]];
             tested.clear();
             for t in cells(&[p, q]).filter_map(|cell| grid.get(&cell)).flatten() {
-                if same && b.triangles[*t].iter().any(|v| *v == i || *v == j) || !tested.insert(*t)
-                {
+                if same && b.triangles[*t].iter().any(|v| *v == i || *v == j) || !tested.insert(*t) {
                     continue;
                 }
                 if pierces(p, q, b.corners(*t)) {

@@ -65,21 +65,12 @@ pub fn rook() -> Mesh {
     let mut angles = Vec::new();
     for merlon in 0..MERLONS {
         let start = merlon as f64 * period;
-        let gap: Vec<f64> = [-1.0, 0.0, 1.0]
-            .map(|x| x * (half_gap - flank * 1.2))
-            .to_vec();
+        let gap: Vec<f64> = [-1.0, 0.0, 1.0].map(|x| x * (half_gap - flank * 1.2)).to_vec();
         let rise = [-0.7, -0.25, 0.25, 0.8].map(|x| half_gap + x * flank);
         let top_width = period - 2.0 * half_gap;
-        let top =
-            (0..4).map(|k| half_gap + flank * 1.3 + (top_width - flank * 2.6) * k as f64 / 3.0);
+        let top = (0..4).map(|k| half_gap + flank * 1.3 + (top_width - flank * 2.6) * k as f64 / 3.0);
         let fall = rise.iter().rev().map(|x| period - x);
-        angles.extend(
-            gap.into_iter()
-                .chain(rise)
-                .chain(top)
-                .chain(fall)
-                .map(|x| start + x),
-        );
+        angles.extend(gap.into_iter().chain(rise).chain(top).chain(fall).map(|x| start + x));
     }
     lathe(&line, &angles).mapped(|p| {
         let phase = (p.y.atan2(p.x).rem_euclid(period) + 0.5 * period) % period - 0.5 * period;

@@ -17,10 +17,7 @@ pub fn showcase() -> Vec<(&'static str, Mesh)> {
         mesh.mapped(|p| turn * p)
     };
     // Move the parts of the tumbler and of the candle together: they keep their distances.
-    let [glass, flame] = [
-        DVec3::new(-82.0, 42.0, CLEARANCE),
-        DVec3::new(98.0, 58.0, CLEARANCE),
-    ];
+    let [glass, flame] = [DVec3::new(-82.0, 42.0, CLEARANCE), DVec3::new(98.0, 58.0, CLEARANCE)];
     let upright = DMat3::from_rotation_x(FRAC_PI_2);
     vec![
         ("tumbler", vessels::tumbler().mapped(|p| p + glass)),
@@ -29,21 +26,9 @@ pub fn showcase() -> Vec<(&'static str, Mesh)> {
         ("wick", vessels::wick().mapped(|p| p + flame)),
         ("flame", vessels::flame().mapped(|p| p + flame)),
         ("queen", chess::queen().placed(-24.0, 14.0, CLEARANCE)),
-        (
-            "rook",
-            turned(chess::rook(), 17.0).placed(20.0, 52.0, CLEARANCE),
-        ),
-        (
-            "pawn",
-            turned(chess::fallen_pawn(), -152.0).placed(20.0, -46.0, CLEARANCE),
-        ),
-        (
-            "soap",
-            turned(soap::soap().mapped(|p| upright * p), -16.0).placed(56.0, -8.0, CLEARANCE),
-        ),
-        (
-            "leaf",
-            turned(leaf::leaf(1.35), 14.0).placed(-77.0, -47.0, CLEARANCE),
-        ),
+        ("rook", turned(chess::rook(), 17.0).placed(20.0, 52.0, CLEARANCE)),
+        ("pawn", turned(chess::fallen_pawn(), -152.0).placed(20.0, -46.0, CLEARANCE)),
+        ("soap", turned(soap::soap().mapped(|p| upright * p), -16.0).placed(56.0, -8.0, CLEARANCE)),
+        ("leaf", turned(leaf::leaf(1.35), 14.0).placed(-77.0, -47.0, CLEARANCE)),
     ]
 }

@@ -37,8 +37,7 @@ fn half_thickness(x: f64, t: f64) -> f64 {
     let midrib = (0.62 - 0.40 * smoothstep(STALK, STALK + BLADE, x)) * (-(y / 1.1).powi(2)).exp();
     let fade = 1.0 - smoothstep(0.55, 0.98, t.abs());
     let side: f64 = veins().map(|v| (-((x - v) / 0.55).powi(2)).exp()).sum();
-    let blade = (0.15 + 0.20 * side * fade).max(midrib + 0.10)
-        * (1.0 - 0.55 * smoothstep(0.93, 1.0, t.abs()));
+    let blade = (0.15 + 0.20 * side * fade).max(midrib + 0.10) * (1.0 - 0.55 * smoothstep(0.93, 1.0, t.abs()));
     stalk + (blade - stalk) * along
 }
 
@@ -55,35 +54,26 @@ fn bent(x: f64, y: f64, h: f64) -> DVec3 {
     let arc = 130.0;
     let angle = (x - STALK - 0.42 * BLADE) / arc;
     let local = across + normal * h;
-    DVec3::new(
-        (arc - local.z) * angle.sin(),
-        local.y,
-        arc - (arc - local.z) * angle.cos(),
-    )
+    DVec3::new((arc - local.z) * angle.sin(), local.y, arc - (arc - local.z) * angle.cos())
 }
 
 /// The leaf with its midrib along x, rolled by `tilt` [rad] about it.
 pub fn leaf(tilt: f64) -> Mesh {
     const ACROSS: usize = 26;
     // Place loops on both flanks of every vein, and between veins.
-    let mut stations: Vec<f64> = (0..10)
-        .map(|k| 0.4 + (STALK - 1.0) * k as f64 / 9.0)
-        .collect();
+    let mut stations: Vec<f64> = (0..10).map(|k| 0.4 + (STALK - 1.0) * k as f64 / 9.0).collect();
     stations.extend([STALK + 0.6, STALK + 1.4, STALK + 2.4]);
     for v in veins() {
         stations.extend([-0.95, -0.55, -0.2, 0.2, 0.55, 0.95, 2.1, 3.2, 4.3].map(|d| v + d));
     }
     let last = stations[stations.len() - 1];
     let end = STALK + BLADE;
-    stations.extend(
-        (1..=10).map(|k| last + (end - 0.15 - last) * (1.0 - (1.0 - k as f64 / 10.0).powi(2))),
-    );
+    stations.extend((1..=10).map(|k| last + (end - 0.15 - last) * (1.0 - (1.0 - k as f64 / 10.0).powi(2))));
 
     let loop_at = |x: f64| -> Vec<DVec3> {
         let side = |t: f64, sign: f64| {
             let w = half_width(x);
-            let advance =
-                SLANT * ((t * w).hypot(0.8) - 0.8) * smoothstep(STALK - 2.0, STALK + 6.0, x);
+            let advance = SLANT * ((t * w).hypot(0.8) - 0.8) * smoothstep(STALK - 2.0, STALK + 6.0, x);
             // Keep the chevrons of the last loops short of the tip.
             let reach = (x + advance).min(x + (end - x) * 0.8 * t.abs());
             bent(reach, t * w, sign * half_thickness(x, t))

@@ -19,9 +19,7 @@ use std::path::PathBuf;
 
 fn main() -> io::Result<()> {
     let here = concat!(env!("CARGO_MANIFEST_DIR"), "/../showcase/geometry");
-    let folder = std::env::args_os()
-        .nth(1)
-        .map_or_else(|| PathBuf::from(here), PathBuf::from);
+    let folder = std::env::args_os().nth(1).map_or_else(|| PathBuf::from(here), PathBuf::from);
     fs::create_dir_all(&folder)?;
     for (name, mesh) in layout::showcase() {
         if let Some(fault) = mesh.faults().first() {

@@ -24,10 +24,7 @@ impl Mesh {
     /// Seen against the direction from `start` to `end` the loops run counter-clockwise; then normals point outward.
     pub fn tube(start: DVec3, rings: &[Vec<DVec3>], end: DVec3) -> Self {
         let columns = rings[0].len();
-        assert!(
-            rings.iter().all(|ring| ring.len() == columns),
-            "all rings have the same number of points"
-        );
+        assert!(rings.iter().all(|ring| ring.len() == columns), "all rings have the same number of points");
         let mut positions = vec![start];
         positions.extend(rings.iter().flatten());
         positions.push(end);
@@ -43,8 +40,7 @@ impl Mesh {
                 let [a, b] = [index(ring, column), index(ring, column + 1)];
                 let [d, c] = [index(ring + 1, column), index(ring + 1, column + 1)];
                 // Split each quad along its shorter diagonal, which keeps triangles of curved parts near the surface.
-                let length =
-                    |p: u32, q: u32| positions[p as usize].distance_squared(positions[q as usize]);
+                let length = |p: u32, q: u32| positions[p as usize].distance_squared(positions[q as usize]);
                 if length(a, c) <= length(b, d) {
                     triangles.extend([[a, b, c], [a, c, d]]);
                 } else {
@@ -53,16 +49,9 @@ impl Mesh {
             }
         }
         for column in 0..columns {
-            triangles.push([
-                last,
-                index(rings.len() - 1, column),
-                index(rings.len() - 1, column + 1),
-            ]);
+            triangles.push([last, index(rings.len() - 1, column), index(rings.len() - 1, column + 1)]);
         }
-        Self {
-            positions,
-            triangles,
-        }
+        Self { positions, triangles }
     }
 
     /// The mesh with every position replaced by `f` of it; `f` keeps orientation.
@@ -80,9 +69,7 @@ impl Mesh {
     /// The smallest and largest coordinates.
     pub fn bounds(&self) -> (DVec3, DVec3) {
         let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        self.positions
-            .iter()
-            .fold(none, |(low, high), p| (low.min(*p), high.max(*p)))
+        self.positions.iter().fold(none, |(low, high), p| (low.min(*p), high.max(*p)))
     }
 
     /// The corners of one triangle.
@@ -117,10 +104,7 @@ impl Mesh {
             let p = self.corners(t);
             let face = (p[1] - p[0]).cross(p[2] - p[0]).normalize_or_zero();
             for corner in 0..3 {
-                let [a, b] = [
-                    p[(corner + 1) % 3] - p[corner],
-                    p[(corner + 2) % 3] - p[corner],
-                ];
+                let [a, b] = [p[(corner + 1) % 3] - p[corner], p[(corner + 2) % 3] - p[corner]];
                 normals[self.triangles[t][corner] as usize] += face * a.angle_between(b);
             }
         }
@@ -140,14 +124,9 @@ impl Mesh {
                 *directed.entry((t[k], t[(k + 1) % 3])).or_default() += 1;
             }
         }
-        let bad = directed
-            .iter()
-            .filter(|((a, b), n)| **n != 1 || directed.get(&(*b, *a)) != Some(&1))
-            .count();
+        let bad = directed.iter().filter(|((a, b), n)| **n != 1 || directed.get(&(*b, *a)) != Some(&1)).count();
         if bad > 0 {
-            faults.push(format!(
-                "{bad} edges are not shared by two oppositely oriented triangles"
-            ));
+            faults.push(format!("{bad} edges are not shared by two oppositely oriented triangles"));
         }
         faults
     }

@@ -25,9 +25,7 @@ pub struct Profile {
 impl Profile {
     /// A profile that starts on the axis at `height`.
     pub fn from_axis(height: f64) -> Self {
-        Self {
-            nodes: vec![(DVec2::new(0.0, height), 0.0)],
-        }
+        Self { nodes: vec![(DVec2::new(0.0, height), 0.0)] }
     }
 
     /// Goes straight to (radius, height) and rounds that corner by an arc of radius `fillet`.
@@ -43,10 +41,7 @@ impl Profile {
         for k in 1..=steps {
             let t = k as f64 / steps as f64;
             let s = 1.0 - t;
-            let point = p0 * (s * s * s)
-                + p1 * (3.0 * s * s * t)
-                + p2 * (3.0 * s * t * t)
-                + p3 * (t * t * t);
+            let point = p0 * (s * s * s) + p1 * (3.0 * s * s * t) + p2 * (3.0 * s * t * t) + p3 * (t * t * t);
             self.nodes.push((point, 0.0));
         }
         self
@@ -59,8 +54,7 @@ impl Profile {
         for k in (1..=steps).rev() {
             let angle = from * k as f64 / steps as f64;
             let point = DVec2::new(radius * angle.sin(), center_height + radius * angle.cos());
-            self.nodes
-                .push((point, if k == steps { fillet } else { 0.0 }));
+            self.nodes.push((point, if k == steps { fillet } else { 0.0 }));
         }
         self
     }
@@ -70,11 +64,7 @@ impl Profile {
         self.nodes.push((DVec2::new(0.0, end_height), 0.0));
         let mut pieces = vec![vec![self.nodes[0].0]];
         for k in 1..self.nodes.len() - 1 {
-            pieces.push(rounded_corner(
-                self.nodes[k - 1].0,
-                self.nodes[k],
-                self.nodes[k + 1].0,
-            ));
+            pieces.push(rounded_corner(self.nodes[k - 1].0, self.nodes[k], self.nodes[k + 1].0));
         }
         pieces.push(vec![self.nodes[self.nodes.len() - 1].0]);
 
@@ -83,11 +73,7 @@ impl Profile {
             let [from, to] = [pair[0][pair[0].len() - 1], pair[1][0]];
             let length = from.distance(to);
             // Place guard points beside the arcs, then divide what lies between them evenly.
-            let guard = if pair[0].len() > 1 || pair[1].len() > 1 {
-                (0.12 * length).min(0.25)
-            } else {
-                0.0
-            };
+            let guard = if pair[0].len() > 1 || pair[1].len() > 1 { (0.12 * length).min(0.25) } else { 0.0 };
             let (a, b) = (from.lerp(to, guard / length), to.lerp(from, guard / length));
             let parts = (a.distance(b) / longest).ceil().max(1.0) as usize;
             if pair[0].len() > 1 {
@@ -112,40 +98,24 @@ fn rounded_corner(before: DVec2, (corner, fillet): (DVec2, f64), after: DVec2) -
     }
     // The tangent points lie fillet * tan(turn / 2) from the corner; the arc's centre lies on the bisector.
     let reach = fillet * (turn / 2.0).tan();
-    assert!(
-        reach < before.distance(corner) && reach < after.distance(corner),
-        "fillet too large at {corner}"
-    );
+    assert!(reach < before.distance(corner) && reach < after.distance(corner), "fillet too large at {corner}");
     let center = corner + (u + v).normalize() * (fillet / (turn / 2.0).cos());
     let [start, end] = [corner + u * reach - center, corner + v * reach - center];
     let sweep = start.angle_to(end);
     let steps = (turn / arc_step(fillet)).ceil() as usize;
-    (0..=steps)
-        .map(|k| center + DVec2::from_angle(sweep * k as f64 / steps as f64).rotate(start))
-        .collect()
+    (0..=steps).map(|k| center + DVec2::from_angle(sweep * k as f64 / steps as f64).rotate(start)).collect()
 }
 
 /// `columns` equal angles of a full turn [rad].
 pub fn even_angles(columns: usize) -> Vec<f64> {
-    (0..columns)
-        .map(|k| TAU * k as f64 / columns as f64)
-        .collect()
+    (0..columns).map(|k| TAU * k as f64 / columns as f64).collect()
 }
 
 /// The closed surface of revolution of a profile that starts and ends on the axis, around z.
 pub fn lathe(line: &[DVec2], angles: &[f64]) -> Mesh {
-    let ring = |p: &DVec2| {
-        angles
-            .iter()
-            .map(|a| DVec3::new(p.x * a.cos(), p.x * a.sin(), p.y))
-            .collect()
-    };
+    let ring = |p: &DVec2| angles.iter().map(|a| DVec3::new(p.x * a.cos(), p.x * a.sin(), p.y)).collect();
     let rings: Vec<Vec<DVec3>> = line[1..line.len() - 1].iter().map(ring).collect();
-    Mesh::tube(
-        DVec3::new(0.0, 0.0, line[0].y),
-        &rings,
-        DVec3::new(0.0, 0.0, line[line.len() - 1].y),
-    )
+    Mesh::tube(DVec3::new(0.0, 0.0, line[0].y), &rings, DVec3::new(0.0, 0.0, line[line.len() - 1].y))
 }
 
 /// The cubic step that rises smoothly from 0 at `low` to 1 at `high`.

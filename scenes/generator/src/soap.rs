@@ -47,11 +47,7 @@ pub fn soap() -> Mesh {
     });
     let lower = (1..44).map(face).map(|(reach, height)| (reach, -height));
     let upper = (1..44).rev().map(face);
-    let rings: Vec<_> = lower
-        .chain(flank)
-        .chain(upper)
-        .map(|(reach, height)| ring(reach, height, COLUMNS))
-        .collect();
+    let rings: Vec<_> = lower.chain(flank).chain(upper).map(|(reach, height)| ring(reach, height, COLUMNS)).collect();
     let pole = DVec3::new(0.0, 0.0, HALF.z - relief(DVec2::ZERO, 0.0));
     Mesh::tube(-pole, &rings, pole)
 }

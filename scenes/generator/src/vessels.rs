@@ -38,12 +38,7 @@ pub fn milk() -> Mesh {
     let line = Profile::from_axis(6.0 + FILM)
         .to(inner_radius(6.0) - FILM, 6.0 + FILM, 5.0)
         .to(rim, level + 1.2, 0.06)
-        .curve(
-            [rim - 0.5, level + 0.35],
-            [rim - 1.4, level],
-            [rim - 3.2, level],
-            8,
-        )
+        .curve([rim - 0.5, level + 0.35], [rim - 1.4, level], [rim - 3.2, level], 8)
         .closed_at(level, 8.0);
     lathe(&line, &even_angles(COLUMNS))
 }
@@ -62,11 +57,8 @@ pub fn candle() -> Mesh {
     lathe(&line, &even_angles(80)).mapped(|p| {
         let angle = p.y.atan2(p.x);
         // Let the rim sink where the flame leaned, and stand where it did not.
-        let rim = 2.2 * (angle - 2.1).cos()
-            + 1.1 * (2.0 * angle + 0.7).cos()
-            + 0.6 * (3.0 * angle - 1.0).cos();
-        let lift =
-            rim * smoothstep(38.0, 58.0, p.z) * smoothstep(12.0, 16.0, p.truncate().length());
+        let rim = 2.2 * (angle - 2.1).cos() + 1.1 * (2.0 * angle + 0.7).cos() + 0.6 * (3.0 * angle - 1.0).cos();
+        let lift = rim * smoothstep(38.0, 58.0, p.z) * smoothstep(12.0, 16.0, p.truncate().length());
         // Add the drips: (angle, angular width, lower end, thickness).
         let drips = [
             (-1.9, 0.13, 22.0, 1.5),
@@ -94,10 +86,7 @@ pub fn candle() -> Mesh {
 /// The wick, bent as wicks are; it stands just above the pool.
 pub fn wick() -> Mesh {
     let foot = POOL - 0.3;
-    let line = Profile::from_axis(foot)
-        .to(0.8, foot, 0.25)
-        .to(0.65, foot + 5.0, 0.3)
-        .closed_at(foot + 5.0, 0.8);
+    let line = Profile::from_axis(foot).to(0.8, foot, 0.25).to(0.65, foot + 5.0, 0.3).closed_at(foot + 5.0, 0.8);
     lathe(&line, &even_angles(12)).mapped(|p| {
         let up = p.z - foot;
         DVec3::new(p.x + 0.03 * up * up, p.y, p.z)
@@ -112,10 +101,7 @@ pub fn flame() -> Mesh {
     let line: Vec<DVec2> = (0..=steps)
         .map(|k| {
             let t = 0.5 - 0.5 * (std::f64::consts::PI * k as f64 / steps as f64).cos();
-            DVec2::new(
-                radius * 2.38 * t.sqrt() * (1.0 - t).powf(0.8),
-                base + height * t,
-            )
+            DVec2::new(radius * 2.38 * t.sqrt() * (1.0 - t).powf(0.8), base + height * t)
         })
         .collect();
     lathe(&line, &even_angles(24)).mapped(|p| DVec3::new(p.x + 0.75, p.y, p.z))

@@ -422,7 +422,9 @@ mod tests {
                 }
             }
             let [second, third, residual, through, fresnel] = sums.map(|s| s / total);
-            eprintln!("outside {outside}: steps 2, 3: {second:.5} {third:.5}, of which refractions {residual:.5}; T {through:.5}, {fresnel:.5}");
+            eprintln!(
+                "outside {outside}: steps 2, 3: {second:.5} {third:.5}, of which refractions {residual:.5}; T {through:.5}, {fresnel:.5}"
+            );
             // Measured and rounded up: the largest tilt is 0.07.
             assert!(second < 0.01 && third < 0.05 && residual < 0.005, "{second} {third} {residual}");
             assert!((through - fresnel).abs() < 0.006, "{through} {fresnel}");

@@ -30,7 +30,9 @@ impl<const N: usize> Conductor<N> {
     }
 
     pub(crate) fn eval(&self, wo: Vec3, wi: Vec3) -> Spectrum<N> {
-        let Some((ggx, m)) = self.facet(wo, wi) else { return Spectrum::ZERO };
+        let Some((ggx, m)) = self.facet(wo, wi) else {
+            return Spectrum::ZERO;
+        };
         self.fresnel(wo.dot(m).abs()) * (ggx.d(m) * ggx.g_over_4cos(wo, wi))
     }
 

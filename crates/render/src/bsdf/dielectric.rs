@@ -58,7 +58,9 @@ impl Dielectric {
     /// Returns the value of the rough lobes; 0 for a smooth boundary.
     pub(crate) fn eval(&self, wo: Vec3, wi: Vec3) -> f32 {
         let Some(ggx) = self.rough() else { return 0.0 };
-        let Some((m, reflection)) = self.half_vector(wo, wi) else { return 0.0 };
+        let Some((m, reflection)) = self.half_vector(wo, wi) else {
+            return 0.0;
+        };
         let eta_p = self.eta_p(wo);
         let f = reflectance(wo.dot(m).abs(), eta_p);
         if reflection {
@@ -72,7 +74,9 @@ impl Dielectric {
     /// Returns the density of [`Dielectric::sample`] for the rough lobes.
     pub(crate) fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
         let Some(ggx) = self.rough() else { return 0.0 };
-        let Some((m, reflection)) = self.half_vector(wo, wi) else { return 0.0 };
+        let Some((m, reflection)) = self.half_vector(wo, wi) else {
+            return 0.0;
+        };
         let f = reflectance(wo.dot(m).abs(), self.eta_p(wo));
         let given_kind = self.pdf_given_m(ggx, wo, wi, m, reflection);
         given_kind * if reflection { f } else { 1.0 - f }
@@ -100,7 +104,13 @@ impl Dielectric {
             } else {
                 let wi = refract(wo, Vec3::Z * 1f32.copysign(wo.z), wo.z.abs(), cos_t, eta_p);
                 let p = 1.0 - f;
-                BsdfSample::specular(Spectrum::splat(p / (eta_p * eta_p * wi.z.abs())), wi, p, Kind::Transmission, eta_p)
+                BsdfSample::specular(
+                    Spectrum::splat(p / (eta_p * eta_p * wi.z.abs())),
+                    wi,
+                    p,
+                    Kind::Transmission,
+                    eta_p,
+                )
             });
         };
         let m = ggx.sample_visible(wo, u);

@@ -122,8 +122,12 @@ impl<const N: usize> Layered<N> {
     fn walk(&self, wo: Vec3, wi: Vec3, rng: &mut Stream) -> Spectrum<N> {
         let mut f = Spectrum::ZERO;
         // Enter from both ends: the viewer's path, and a last segment towards the light.
-        let Some(enter) = self.coat.sample_lobe(wo, rng.uniform2(), false) else { return f };
-        let Some(exit) = self.coat.sample_lobe(wi, rng.uniform2(), false) else { return f };
+        let Some(enter) = self.coat.sample_lobe(wo, rng.uniform2(), false) else {
+            return f;
+        };
+        let Some(exit) = self.coat.sample_lobe(wi, rng.uniform2(), false) else {
+            return f;
+        };
         let up = -exit.wi;
         let smooth = self.smooth_coat();
         let mut beta = Spectrum::splat(enter.weight / (self.coat.eta * self.coat.eta));
@@ -146,7 +150,9 @@ impl<const N: usize> Layered<N> {
                     }
                 }
                 Step::Coat => {
-                    let Some(back) = self.coat.sample_lobe(-w, rng.uniform2(), true) else { break };
+                    let Some(back) = self.coat.sample_lobe(-w, rng.uniform2(), true) else {
+                        break;
+                    };
                     beta *= back.weight;
                     w = back.wi;
                 }
@@ -157,7 +163,9 @@ impl<const N: usize> Layered<N> {
                         let share = if smooth { 1.0 } else { power(exit.pdf, pdf) };
                         f += beta * value * (share * self.tr(self.thickness, up.z) * exit.weight);
                     }
-                    let Some(s) = self.base_sample(-w, rng) else { break };
+                    let Some(s) = self.base_sample(-w, rng) else {
+                        break;
+                    };
                     beta *= s.weight(s.wi.z);
                     w = s.wi;
                     // And by the base's own sample.
@@ -306,7 +314,9 @@ impl<const N: usize> Layered<N> {
         let b = Vec3::new(wi.x / eta, wi.y / eta, mu_i);
         let alpha2 = |g: Option<Ggx>| g.map_or(Vec2::ZERO, |g| g.alpha * g.alpha);
         let alpha = (alpha2(base.ggx) + alpha2(self.coat.rough())).map(f32::sqrt);
-        let Some(ggx) = Ggx::new(alpha) else { return 0.0 };
+        let Some(ggx) = Ggx::new(alpha) else {
+            return 0.0;
+        };
         let m = (a + b).normalize();
         ggx.visible(a, m) / (4.0 * a.dot(m)) * wi.z / (eta * eta * mu_i)
     }

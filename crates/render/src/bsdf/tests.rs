@@ -47,7 +47,10 @@ fn exact_density() -> Vec<(&'static str, B)> {
         ("diffuse", Bsdf::Diffuse(grey())),
         (
             "diffuse transmission",
-            Bsdf::DiffuseTransmission(DiffuseTransmission { reflectance: Spectrum([0.2, 0.5]), transmittance: Spectrum([0.6, 0.1]) }),
+            Bsdf::DiffuseTransmission(DiffuseTransmission {
+                reflectance: Spectrum([0.2, 0.5]),
+                transmittance: Spectrum([0.6, 0.1]),
+            }),
         ),
         ("smooth dielectric", Bsdf::Dielectric(dielectric(1.5, None))),
         ("rough dielectric .3", Bsdf::Dielectric(dielectric(1.5, ggx(0.3, 0.3)))),
@@ -57,7 +60,10 @@ fn exact_density() -> Vec<(&'static str, B)> {
         ("pane", Bsdf::ThinDielectric(1.5)),
         ("mirror", Bsdf::Conductor(metal(GOLD, None))),
         ("rough metal", Bsdf::Conductor(metal(GOLD, ggx(0.25, 0.5)))),
-        ("smooth coat over diffuse", Bsdf::Layered(layered(dielectric(1.5, None), Base::Diffuse(grey()), 0.01, 0.0, 0.0, 10))),
+        (
+            "smooth coat over diffuse",
+            Bsdf::Layered(layered(dielectric(1.5, None), Base::Diffuse(grey()), 0.01, 0.0, 0.0, 10)),
+        ),
         (
             "smooth coat over mirror",
             Bsdf::Layered(layered(dielectric(1.5, None), Base::Conductor(metal(GOLD, None)), 0.01, 0.0, 0.0, 10)),
@@ -68,22 +74,46 @@ fn exact_density() -> Vec<(&'static str, B)> {
 /// Coats that are walked.
 fn walked() -> Vec<(&'static str, B)> {
     vec![
-        ("rough coat over diffuse", Bsdf::Layered(layered(dielectric(1.5, ggx(0.3, 0.3)), Base::Diffuse(grey()), 0.05, 0.0, 0.0, 10))),
+        (
+            "rough coat over diffuse",
+            Bsdf::Layered(layered(dielectric(1.5, ggx(0.3, 0.3)), Base::Diffuse(grey()), 0.05, 0.0, 0.0, 10)),
+        ),
         (
             "milky coat over diffuse",
             Bsdf::Layered(layered(dielectric(1.5, None), Base::Diffuse(grey()), 0.5, 0.4, 0.7, 10)),
         ),
         (
             "smooth coat over rough metal",
-            Bsdf::Layered(layered(dielectric(1.5, None), Base::Conductor(metal(GOLD, ggx(0.3, 0.3))), 0.01, 0.0, 0.0, 10)),
+            Bsdf::Layered(layered(
+                dielectric(1.5, None),
+                Base::Conductor(metal(GOLD, ggx(0.3, 0.3))),
+                0.01,
+                0.0,
+                0.0,
+                10,
+            )),
         ),
         (
             "rough coat over rough metal",
-            Bsdf::Layered(layered(dielectric(1.4, ggx(0.2, 0.4)), Base::Conductor(metal(GOLD, ggx(0.3, 0.2))), 0.1, -0.3, 0.5, 10)),
+            Bsdf::Layered(layered(
+                dielectric(1.4, ggx(0.2, 0.4)),
+                Base::Conductor(metal(GOLD, ggx(0.3, 0.2))),
+                0.1,
+                -0.3,
+                0.5,
+                10,
+            )),
         ),
         (
             "rough coat over mirror",
-            Bsdf::Layered(layered(dielectric(1.4, ggx(0.3, 0.3)), Base::Conductor(metal(GOLD, None)), 0.1, 0.0, 0.0, 10)),
+            Bsdf::Layered(layered(
+                dielectric(1.4, ggx(0.3, 0.3)),
+                Base::Conductor(metal(GOLD, None)),
+                0.1,
+                0.0,
+                0.0,
+                10,
+            )),
         ),
     ]
 }
@@ -151,7 +181,9 @@ fn samples_carry_the_value_and_density_of_their_direction() {
     for (name, b) in exact_density() {
         for _ in 0..20_000 {
             let wo = unit(&mut u);
-            let Some(s) = b.sample(wo, u.uniform(), u.uniform2()) else { continue };
+            let Some(s) = b.sample(wo, u.uniform(), u.uniform2()) else {
+                continue;
+            };
             assert!((s.wi.length() - 1.0).abs() < 1e-4, "{name}");
             assert!((s.kind == Kind::Reflection) == (wo.z * s.wi.z > 0.0), "{name}");
             assert!(b.is_specular() <= s.specular, "{name}");
@@ -176,7 +208,10 @@ fn densities_of_walked_coats_integrate_to_at_most_one() {
             for _ in 0..100_000 {
                 let wi = unit(&mut u);
                 let p = b.pdf(wo, wi);
-                assert!(p > 0.0 || b.eval(wo, wi).is_black(), "{name}: the density is positive wherever light scatters");
+                assert!(
+                    p > 0.0 || b.eval(wo, wi).is_black(),
+                    "{name}: the density is positive wherever light scatters"
+                );
                 a.add(f64::from(p * 4.0 * PI));
             }
             let e = a.estimate();
@@ -197,7 +232,10 @@ fn light_and_viewer_can_be_exchanged() {
             let (there, back) = (b.eval(wo, wi) * (1.0 / index2(wo)), b.eval(wi, wo) * (1.0 / index2(wi)));
             for i in 0..2 {
                 // Rounding of half vectors; near a facet's critical angle 1 - F keeps only absolute accuracy.
-                assert!((there[i] - back[i]).abs() <= 2e-3 * there[i].max(back[i]) + 1e-5, "{name}: {there:?} {back:?}");
+                assert!(
+                    (there[i] - back[i]).abs() <= 2e-3 * there[i].max(back[i]) + 1e-5,
+                    "{name}: {there:?} {back:?}"
+                );
             }
         }
     }
@@ -211,7 +249,10 @@ fn light_and_viewer_can_be_exchanged_on_walked_coats() {
         let Bsdf::Layered(mut l) = *b else { unreachable!() };
         l.samples = 400;
         for k in 0..10 {
-            let (wo, wi) = (direction(0.1 + 0.8 * u.uniform(), 6.0 * u.uniform()), direction(0.1 + 0.8 * u.uniform(), 6.0 * u.uniform()));
+            let (wo, wi) = (
+                direction(0.1 + 0.8 * u.uniform(), 6.0 * u.uniform()),
+                direction(0.1 + 0.8 * u.uniform(), 6.0 * u.uniform()),
+            );
             let mean = |wo: Vec3, wi: Vec3| {
                 let mut a = Accumulator::default();
                 for seed in 0..100 {
@@ -254,7 +295,14 @@ fn a_white_furnace_stays_white_on_lossless_surfaces() {
         ("mirror", Bsdf::Conductor(metal(WHITE_METAL, None))),
         (
             "coat over mirror",
-            Bsdf::Layered(layered(dielectric(1.5, None), Base::Conductor(metal(WHITE_METAL, None)), 1e-9, 0.0, 0.0, 1000)),
+            Bsdf::Layered(layered(
+                dielectric(1.5, None),
+                Base::Conductor(metal(WHITE_METAL, None)),
+                1e-9,
+                0.0,
+                0.0,
+                1000,
+            )),
         ),
     ];
     for (name, b) in &no_loss {
@@ -267,8 +315,21 @@ fn a_white_furnace_stays_white_on_lossless_surfaces() {
     // Coats over Lambertian bases: weights vary, the mean is 1; lossless layers scatter with albedo 1.
     let coats: Vec<(&str, B)> = vec![
         ("closed form", Bsdf::Layered(layered(dielectric(1.5, None), Base::Diffuse(white()), 1e-9, 0.0, 0.0, 1000))),
-        ("milk over diffuse", Bsdf::Layered(layered(dielectric(1.3, None), Base::Diffuse(white()), 1.0, 0.6, 1.0, 100_000))),
-        ("milk over mirror", Bsdf::Layered(layered(dielectric(1.5, None), Base::Conductor(metal(WHITE_METAL, None)), 0.7, -0.4, 1.0, 100_000))),
+        (
+            "milk over diffuse",
+            Bsdf::Layered(layered(dielectric(1.3, None), Base::Diffuse(white()), 1.0, 0.6, 1.0, 100_000)),
+        ),
+        (
+            "milk over mirror",
+            Bsdf::Layered(layered(
+                dielectric(1.5, None),
+                Base::Conductor(metal(WHITE_METAL, None)),
+                0.7,
+                -0.4,
+                1.0,
+                100_000,
+            )),
+        ),
     ];
     for (name, b) in &coats {
         for (z, phi) in VIEWS {
@@ -284,7 +345,9 @@ fn a_white_furnace_stays_white_on_lossless_surfaces() {
 fn rough_surfaces_lose_only_what_single_scattering_between_facets_loses() {
     let mut u = Stream::new(&[27]);
     // The worst loss over four views (the one at 81 degrees), of white metal and of glass; measured and rounded up.
-    for (alpha, metal_loss, glass_loss) in [(0.01, 0.003, 0.002), (0.1, 0.12, 0.07), (0.3, 0.18, 0.21), (0.5, 0.33, 0.34)] {
+    for (alpha, metal_loss, glass_loss) in
+        [(0.01, 0.003, 0.002), (0.1, 0.12, 0.07), (0.3, 0.18, 0.21), (0.5, 0.33, 0.34)]
+    {
         let (mut worst_metal, mut worst_glass) = (0.0f64, 0.0f64);
         for (z, phi) in VIEWS {
             let wo = direction(z, phi);
@@ -337,7 +400,10 @@ fn walked_coats_sample_what_they_evaluate() {
             }
             for k in 0..4 {
                 let (s, e) = (sampled[k].estimate(), evaluated[k].estimate());
-                assert!(z_test(s.z_against(&e)) > sidak(1e-4, 16 * list.len()), "{name}, cos {z}, moment {k}: {s} against {e}");
+                assert!(
+                    z_test(s.z_against(&e)) > sidak(1e-4, 16 * list.len()),
+                    "{name}, cos {z}, moment {k}: {s} against {e}"
+                );
             }
         }
     }
@@ -349,10 +415,15 @@ fn the_walk_agrees_with_the_closed_form() {
     let closed = layered(dielectric(1.5, None), Base::Diffuse(grey()), 0.1, 0.0, 0.0, 10);
     let mut u = Stream::new(&[30]);
     for k in 0..10 {
-        let (wo, wi) = (direction(0.05 + 0.9 * u.uniform(), 6.0 * u.uniform()), direction(0.05 + 0.9 * u.uniform(), 6.0 * u.uniform()));
+        let (wo, wi) = (
+            direction(0.05 + 0.9 * u.uniform(), 6.0 * u.uniform()),
+            direction(0.05 + 0.9 * u.uniform(), 6.0 * u.uniform()),
+        );
         let mut a = Accumulator::default();
         for seed in 0..50_000 {
-            a.add(f64::from(Layered { albedo: Spectrum::splat(1e-12), seed: 100_000 * k + seed, ..closed }.eval(wo, wi)[1]));
+            a.add(f64::from(
+                Layered { albedo: Spectrum::splat(1e-12), seed: 100_000 * k + seed, ..closed }.eval(wo, wi)[1],
+            ));
         }
         let (e, exact) = (a.estimate(), closed.eval(wo, wi)[1]);
         // 10 comparisons at 1e-4 in all; 1e-4 relative for the quadrature of the internal reflectance.

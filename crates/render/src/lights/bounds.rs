@@ -67,7 +67,8 @@ impl LightBounds {
         let (o, e) = (self.theta_o, self.theta_e);
         let w = (o + e).min(PI);
         let (sin_o, cos_o) = o.sin_cos();
-        let reach = 2.0 * PI * (1.0 - cos_o) + FRAC_PI_2 * (2.0 * w * sin_o - (o - 2.0 * w).cos() - 2.0 * o * sin_o + cos_o);
+        let reach =
+            2.0 * PI * (1.0 - cos_o) + FRAC_PI_2 * (2.0 * w * sin_o - (o - 2.0 * w).cos() - 2.0 * o * sin_o + cos_o);
         self.intensity * reach * f64::from((self.max - self.min).length_squared())
     }
 }

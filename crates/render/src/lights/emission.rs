@@ -130,7 +130,11 @@ impl Picture {
 
 /// Returns a factor or power that is not negative and finite, or an error that names it.
 pub fn checked(what: &'static str, value: f32, place: &Place) -> Result<f32, LightError> {
-    if value >= 0.0 && value.is_finite() { Ok(value) } else { Err(LightError::Value { place: place.clone(), what, value }) }
+    if value >= 0.0 && value.is_finite() {
+        Ok(value)
+    } else {
+        Err(LightError::Value { place: place.clone(), what, value })
+    }
 }
 
 /// Returns the factor on a light's spectrum: `scale`, and, if a `power` is asked for, that over what the light emits at factor 1.
@@ -180,7 +184,9 @@ mod tests {
             alpha: vec![],
         };
         let p = Picture::new(&image, &place()).expect("valid");
-        for (uv, v) in [((0.25, 0.75), 1.0), ((0.75, 0.75), 2.0), ((0.25, 0.25), 3.0), ((0.5, 0.5), 2.5), ((0.0, 1.0), 1.0)] {
+        for (uv, v) in
+            [((0.25, 0.75), 1.0), ((0.75, 0.75), 2.0), ((0.25, 0.25), 3.0), ((0.5, 0.5), 2.5), ((0.0, 1.0), 1.0)]
+        {
             assert_eq!(p.bilinear(Vec2::new(uv.0, uv.1))[0], v);
         }
     }

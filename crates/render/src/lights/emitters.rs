@@ -41,7 +41,8 @@ pub fn surfaces_of(shape: &ShapeDescription) -> Result<Vec<Surface>, LightError>
         GeometryDescription::Disk { height, radius, inner_radius, phi_max } => {
             let (x, y) = (linear.x_axis, linear.y_axis);
             let scale = x.length();
-            if scale == 0.0 || (y.length() - scale).abs() > SIMILAR * scale || x.dot(y).abs() > SIMILAR * scale * scale {
+            if scale == 0.0 || (y.length() - scale).abs() > SIMILAR * scale || x.dot(y).abs() > SIMILAR * scale * scale
+            {
                 return Err(unsupported("its transform squashes the disk"));
             }
             let up = x.cross(y).normalize();

@@ -171,7 +171,9 @@ impl PictureLight {
     }
 
     fn pdf(&self, d: Vec3) -> f32 {
-        let Some(distribution) = &self.distribution else { return 0.0 };
+        let Some(distribution) = &self.distribution else {
+            return 0.0;
+        };
         let local = self.to_light * d;
         let length = local.length();
         let density = distribution.pdf(square_of(local / length)) as f32 * (0.25 * FRAC_1_PI);

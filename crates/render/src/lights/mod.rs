@@ -121,7 +121,9 @@ impl Lights {
             .placed
             .iter()
             .map(|l| match l {
-                Placed::Surface { surface, emission, two_sided } => Some(surface.bounds(means[*emission as usize], *two_sided)),
+                Placed::Surface { surface, emission, two_sided } => {
+                    Some(surface.bounds(means[*emission as usize], *two_sided))
+                }
                 Placed::Punctual(p) => Some(p.bounds()),
             })
             .collect();
@@ -162,7 +164,9 @@ impl Lights {
 
     fn add_light(&mut self, scene: &SceneDescription, light: &LightDescription) -> Result<(), LightError> {
         match &light.kind {
-            LightKind::Point { .. } | LightKind::Spot { .. } => self.placed.push(Placed::Punctual(Punctual::new(light)?)),
+            LightKind::Point { .. } | LightKind::Spot { .. } => {
+                self.placed.push(Placed::Punctual(Punctual::new(light)?))
+            }
             LightKind::Distant { .. } => self.distant.push(Distant::new(light)?),
             LightKind::Constant { radiance } => {
                 let f = factor(light.scale, light.power, PI, &light.place)?;
@@ -286,7 +290,9 @@ impl Lights {
     /// q is where the ray from p first meets that surface. 0 for lights that no ray can hit.
     pub fn pdf_hit(&self, p: Vec3, n: Option<Vec3>, light: u32, q: Vec3) -> f32 {
         match self.placed.get(light as usize) {
-            Some(Placed::Surface { surface, .. }) => (f64::from(self.probability(p, n, light)) * surface.pdf(p, q)) as f32,
+            Some(Placed::Surface { surface, .. }) => {
+                (f64::from(self.probability(p, n, light)) * surface.pdf(p, q)) as f32
+            }
             _ => 0.0,
         }
     }
@@ -310,7 +316,9 @@ impl Lights {
         wavelengths: &Wavelengths<N>,
     ) -> Spectrum<N> {
         match self.placed.get(light as usize) {
-            Some(Placed::Surface { surface, emission, two_sided }) if *two_sided || surface.emits_towards(w_out, ng) => {
+            Some(Placed::Surface { surface, emission, two_sided })
+                if *two_sided || surface.emits_towards(w_out, ng) =>
+            {
                 self.emissions[*emission as usize].at(uv, wavelengths)
             }
             _ => Spectrum::ZERO,

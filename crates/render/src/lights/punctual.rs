@@ -12,7 +12,9 @@ use crate::description::{LightDescription, LightKind, SpectrumDescription};
 /// Returns where a light is in world space, if it is at a point.
 pub fn position(light: &LightDescription) -> Option<Vec3> {
     match &light.kind {
-        LightKind::Point { from, .. } | LightKind::Spot { from, .. } => Some(light.light_to_world.transform_point3(*from)),
+        LightKind::Point { from, .. } | LightKind::Spot { from, .. } => {
+            Some(light.light_to_world.transform_point3(*from))
+        }
         _ => None,
     }
 }
@@ -99,7 +101,15 @@ impl Punctual {
             Some(c) => theta_o.max(f64::from(c.cos_end).acos() - theta_e + 1e-3).min(PI),
             None => theta_o,
         };
-        LightBounds { min: self.position, max: self.position, axis, theta_o, theta_e, two_sided: false, intensity: self.mean }
+        LightBounds {
+            min: self.position,
+            max: self.position,
+            axis,
+            theta_o,
+            theta_e,
+            two_sided: false,
+            intensity: self.mean,
+        }
     }
 
     /// Returns irradiance on a plane at p that faces the light, direction to it and distance; `None` outside a spot's cone.

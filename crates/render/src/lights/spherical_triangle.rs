@@ -40,7 +40,8 @@ pub fn sample_direction(v: &[DVec3; 3], omega: f64, u: [f64; 2]) -> DVec3 {
     let p = cos_phi - cos_alpha;
     let q = sin_phi + sin_alpha * cos_c;
     let divisor = (q * sin_phi + p * cos_phi) * sin_alpha;
-    let cos_b_prime = if divisor.abs() > 0.0 { ((q * cos_phi - p * sin_phi) * cos_alpha - q) / divisor } else { a.dot(c) };
+    let cos_b_prime =
+        if divisor.abs() > 0.0 { ((q * cos_phi - p * sin_phi) * cos_alpha - q) / divisor } else { a.dot(c) };
     let cos_b_prime = cos_b_prime.clamp(a.dot(c).min(1.0), 1.0);
 
     // Walk from a along the side a c, then from b along the arc b c'.

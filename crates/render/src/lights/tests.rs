@@ -150,7 +150,9 @@ fn everything() -> SceneDescription {
     scene.shapes.push(shape(mesh(corners), Mat4::from_translation(Vec3::X), area_light(0.2, true)));
     scene.shapes.push(shape(sphere(0.3), Mat4::from_translation(Vec3::new(1.0, 3.0, 0.0)), area_light(5.0, false)));
     scene.shapes.push(shape(disk(0.8), Mat4::from_translation(Vec3::new(-3.0, 0.0, 1.0)), area_light(2.0, true)));
-    scene.images.push(picture(16, |x, y| [x as f32 * 0.05, y as f32 * 0.03, if x == 3 && y == 9 { 40.0 } else { 0.0 }]));
+    scene
+        .images
+        .push(picture(16, |x, y| [x as f32 * 0.05, y as f32 * 0.03, if x == 3 && y == 9 { 40.0 } else { 0.0 }]));
     scene.lights = vec![
         light(LightKind::Point { from: Vec3::new(0.0, 2.0, 2.0), intensity: SpectrumDescription::Rgb([2.0; 3]) }),
         light(LightKind::Spot {

@@ -31,10 +31,8 @@ struct Node {
 impl LightTree {
     /// Builds the tree; light i has bounds `lights[i]`, or none if it does not belong here.
     pub fn new(lights: &[Option<LightBounds>]) -> Self {
-        let mut items: Vec<(u32, LightBounds)> = (0u32..)
-            .zip(lights)
-            .filter_map(|(i, b)| b.filter(|b| b.intensity > 0.0).map(|b| (i, b)))
-            .collect();
+        let mut items: Vec<(u32, LightBounds)> =
+            (0u32..).zip(lights).filter_map(|(i, b)| b.filter(|b| b.intensity > 0.0).map(|b| (i, b))).collect();
         let mut tree = Self { nodes: Vec::with_capacity(2 * items.len()), ways: vec![None; lights.len()] };
         if let Some(bounds) = items.iter().map(|i| i.1).reduce(|a, b| a.union(&b)) {
             tree.nodes.push(Node { reach: Reach::new(&bounds), index: 0, leaf: true });
@@ -60,7 +58,8 @@ impl LightTree {
         let child = self.nodes.len();
         self.nodes[at].index = child as u32;
         self.nodes[at].leaf = false;
-        let both = [&*left, &*right].map(|half| half.iter().map(|i| i.1).reduce(|a, b| a.union(&b)).expect("both halves hold lights"));
+        let both = [&*left, &*right]
+            .map(|half| half.iter().map(|i| i.1).reduce(|a, b| a.union(&b)).expect("both halves hold lights"));
         self.nodes.extend(both.iter().map(|b| Node { reach: Reach::new(b), index: 0, leaf: true }));
         self.build(child, left, &both[0], way, depth + 1);
         self.build(child + 1, right, &both[1], way | (1 << depth), depth + 1);
@@ -106,7 +105,9 @@ impl LightTree {
 
     /// Returns the probability with which [`LightTree::sample`] chooses a light.
     pub fn probability(&self, p: Vec3, n: Option<Vec3>, light: u32) -> f32 {
-        let Some(mut way) = self.ways.get(light as usize).copied().flatten() else { return 0.0 };
+        let Some(mut way) = self.ways.get(light as usize).copied().flatten() else {
+            return 0.0;
+        };
         if self.importance(p, n) == 0.0 {
             return 0.0;
         }
@@ -117,7 +118,9 @@ impl LightTree {
             if node.leaf {
                 return probability as f32;
             }
-            let Some(shares) = self.shares(node, p, n) else { return 0.0 };
+            let Some(shares) = self.shares(node, p, n) else {
+                return 0.0;
+            };
             let side = (way & 1) as usize;
             probability *= shares[side];
             if probability == 0.0 {
@@ -186,7 +189,9 @@ fn split(items: &mut [(u32, LightBounds)], bounds: &LightBounds) -> usize {
         }
     }
     let half = items.len() / 2;
-    let Some((_, axis, last)) = best else { return half };
+    let Some((_, axis, last)) = best else {
+        return half;
+    };
     items.sort_by_key(|(_, b)| bucket(b, axis) > last);
     let middle = items.partition_point(|(_, b)| bucket(b, axis) <= last);
     if middle == 0 || middle == items.len() { half } else { middle }

@@ -184,7 +184,14 @@ fn a_displaced_ramp_tilts_the_normal_by_its_slope() {
     let rgb = (0..64).map(|i| [(i as f32 + 0.5) / 64.0; 3]).collect();
     d.images.push(ImageDescription { name: "ramp".into(), width: 64, height: 1, rgb, alpha: vec![] });
     let mapping = TextureMapping::Uv { scale: Vec2::ONE, delta: Vec2::ZERO };
-    d.float_textures.push(FloatTexture::Image { image: 0, mapping, wrap: Wrap::Clamp, scale: 0.5, invert: false, bilinear: true });
+    d.float_textures.push(FloatTexture::Image {
+        image: 0,
+        mapping,
+        wrap: Wrap::Clamp,
+        scale: 0.5,
+        invert: false,
+        bilinear: true,
+    });
     d.materials[0].displacement = Some(3);
     let (t, m) = build(&d);
     let n = m.unwrap().shading_normal(0, &t, &surface(), &point());

@@ -64,6 +64,9 @@ impl<const N: usize> Domain<N> for Slab {
         };
         let (d, left) = smooth_boundary(walker.d, n, self.eta, rng);
         walker.d = d;
+        if self.eta != 1.0 {
+            walker.direction_pdf = None;
+        }
         if left { Wall::Leave(face) } else { Wall::Stay(face) }
     }
 

@@ -14,7 +14,9 @@ fn the_density_of_a_hit_is_that_of_the_sample() {
     for _ in 0..100_000 {
         let p = point(&mut r, 4.0);
         let n = (r.uniform() < 0.5).then(|| direction(&mut r));
-        let Some(s) = lights.sample(p, n, &grey(), uniform3(&mut r)) else { continue };
+        let Some(s) = lights.sample(p, n, &grey(), uniform3(&mut r)) else {
+            continue;
+        };
         assert!((s.wi.length() - 1.0).abs() < 1e-6 && s.pdf > 0.0);
         let density = if s.is_delta {
             continue;
@@ -52,7 +54,8 @@ fn lights_are_chosen_with_their_stated_probabilities() {
         assert!((total - 1.0).abs() < 1e-12, "the shares add up to {total}");
 
         let m = 100_000;
-        let mut expected: Vec<f64> = (0..lights.placed_count() as u32).map(|l| f64::from(lights.tree.probability(p, n, l))).collect();
+        let mut expected: Vec<f64> =
+            (0..lights.placed_count() as u32).map(|l| f64::from(lights.tree.probability(p, n, l))).collect();
         let mut counts = vec![0.0; expected.len() + 1];
         for _ in 0..m {
             match lights.tree.sample(p, n, refined(uniform3(&mut r))) {
@@ -132,11 +135,13 @@ fn all_lights_together_give_the_sum_of_their_irradiances() {
                 }
             }
         }
-        mean += lights.distant.iter().map(|d| f64::from(d.irradiance(&grey())[0] * n.dot(d.towards).max(0.0))).sum::<f64>();
+        mean +=
+            lights.distant.iter().map(|d| f64::from(d.irradiance(&grey())[0] * n.dot(d.towards).max(0.0))).sum::<f64>();
         let m = 1200;
         let sky: f64 = (0..m * m)
             .map(|i| {
-                let d = direction_of([(f64::from(i % m) + 0.5) / f64::from(m), (f64::from(i / m) + 0.5) / f64::from(m)]);
+                let d =
+                    direction_of([(f64::from(i % m) + 0.5) / f64::from(m), (f64::from(i / m) + 0.5) / f64::from(m)]);
                 f64::from(lights.environment(d, &grey())[0] * n.dot(d).max(0.0)) * 4.0 * PI / f64::from(m * m)
             })
             .sum();

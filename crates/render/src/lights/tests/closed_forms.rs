@@ -59,7 +59,11 @@ fn spheres_have_their_solid_angle_and_form_factor() {
         let p = center + direction(&mut r) * d;
         let to = (center - p) / d;
         let mut scene = empty();
-        scene.shapes.push(shape(sphere(1.0), Mat4::from_translation(center) * Mat4::from_scale(Vec3::splat(radius)), area_light(2.0, false)));
+        scene.shapes.push(shape(
+            sphere(1.0),
+            Mat4::from_translation(center) * Mat4::from_scale(Vec3::splat(radius)),
+            area_light(2.0, false),
+        ));
         let lights = Lights::of_scene(&scene).expect("valid");
         let d = f64::from(p.distance(center));
         let sin2 = (f64::from(radius) / d).powi(2);
@@ -69,7 +73,11 @@ fn spheres_have_their_solid_angle_and_form_factor() {
         let rounding = 2e-6 * d / (d - f64::from(radius));
         assert!((o.estimate().mean / omega - 1.0).abs() < 1e-5 + rounding, "{} {omega}", o.estimate());
         let exact = 2.0 * PI * sin2;
-        assert!((e.estimate().mean - exact).abs() < 4.8 * e.estimate().std_err + (1e-5 + rounding) * exact, "{} {exact}", e.estimate());
+        assert!(
+            (e.estimate().mean - exact).abs() < 4.8 * e.estimate().std_err + (1e-5 + rounding) * exact,
+            "{} {exact}",
+            e.estimate()
+        );
     }
     let mut scene = empty();
     let mut inside = shape(sphere(2.0), Mat4::IDENTITY, area_light(1.5, false));
@@ -114,7 +122,8 @@ fn a_sun_in_a_sky_is_found_with_little_variance() {
     for n in [toward_sun, (toward_sun + Vec3::X).normalize()] {
         let exact: f64 = (0..m * m)
             .map(|i| {
-                let d = direction_of([(f64::from(i % m) + 0.5) / f64::from(m), (f64::from(i / m) + 0.5) / f64::from(m)]);
+                let d =
+                    direction_of([(f64::from(i % m) + 0.5) / f64::from(m), (f64::from(i / m) + 0.5) / f64::from(m)]);
                 f64::from(lights.environment(d, &grey())[0] * n.dot(d).max(0.0)) * 4.0 * PI / f64::from(m * m)
             })
             .sum();

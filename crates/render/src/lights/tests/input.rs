@@ -31,7 +31,13 @@ fn input_that_cannot_be_a_light_is_an_error() {
     scene.shapes.push(shape(sphere(1.0), Mat4::from_scale(Vec3::new(1.0, 2.0, 1.0)), area_light(1.0, false)));
     assert!(matches!(Lights::of_scene(&scene), Err(LightError::Shape { .. })));
     let mut scene = empty();
-    scene.images.push(ImageDescription { name: "flat".into(), width: 2, height: 1, rgb: vec![[1.0; 3]; 2], alpha: vec![] });
+    scene.images.push(ImageDescription {
+        name: "flat".into(),
+        width: 2,
+        height: 1,
+        rgb: vec![[1.0; 3]; 2],
+        alpha: vec![],
+    });
     scene.lights.push(light(LightKind::Environment { image: 0 }));
     assert!(matches!(Lights::of_scene(&scene), Err(LightError::NotSquare { .. })));
     let mut scene = empty();
@@ -56,7 +62,13 @@ fn a_light_at_the_reference_point_breaks_nothing() {
         for n in [None, Some(direction(&mut r))] {
             for _ in 0..100 {
                 if let Some(s) = lights.sample(p, n, &grey(), uniform3(&mut r)) {
-                    assert!(s.pdf > 0.0 && s.pdf.is_finite() && s.radiance.is_finite() && s.wi.is_finite() && s.distance > 0.0);
+                    assert!(
+                        s.pdf > 0.0
+                            && s.pdf.is_finite()
+                            && s.radiance.is_finite()
+                            && s.wi.is_finite()
+                            && s.distance > 0.0
+                    );
                 }
             }
         }

@@ -1,0 +1,65 @@
+//! The built-in showcase: `moonmilk` without a command.
+
+use std::path::Path;
+use std::time::Duration;
+
+use moonmilk_core::wavelengths::WavelengthMode;
+use moonmilk_io::image::Value;
+use moonmilk_io::pbrt;
+use moonmilk_render::film::Film;
+use moonmilk_render::integrator::Integrator;
+use moonmilk_walk::Roulette;
+
+use crate::Outcome;
+use crate::budget::Budget;
+use crate::display::Display;
+use crate::failure::Failure;
+use crate::job::Job;
+use crate::progress::Progress;
+use crate::{output, render};
+
+/// Time spent on the picture: with reading, building and writing within a minute.
+const TIME: Duration = Duration::from_secs(50);
+
+/// Renders the showcase into the current folder.
+pub fn run(quiet: bool) -> Outcome {
+    let loaded =
+        pbrt::load_with(&moonmilk_io::showcase::Embedded, moonmilk_io::showcase::SCENE, &pbrt::Options::default())
+            .map_err(|e| Failure::Report(e.into()))?;
+    render::warn(&loaded.warnings);
+    let d = &loaded.scene;
+    let scene = render::build(d, None)?;
+    let integrator = Integrator {
+        seed: d.sampler.seed,
+        wavelengths: WavelengthMode::Hero,
+        roulette: Roulette::default(),
+        max_depth: None,
+    };
+    let film = Film::new([d.film.width, d.film.height], d.film.crop, 0, &[]);
+    let job = Job {
+        scene: &scene,
+        integrator: &integrator,
+        film: &film,
+        budget: Budget::Time(TIME),
+        checkpoint: None,
+        checkpoint_every: None,
+        factor: d.film.imaging_ratio,
+    };
+    tracing::info!("rendering the showcase for {} s; moonmilk render SCENE renders yours", TIME.as_secs());
+    let done = job.run(&Progress::new(quiet), &mut Display::connect(None, "moonmilk"))?;
+    let error = film.develop(1.0).relative_error();
+    let attributes = [
+        ("moonmilk.version", Value::Text(env!("CARGO_PKG_VERSION").into())),
+        ("moonmilk.spp", Value::Text(film.samples().to_string())),
+    ];
+    let picture = output::picture(&film, d.film.imaging_ratio, &attributes)?;
+    for name in ["moonmilk.exr", "moonmilk.png"] {
+        output::write(Path::new(name), &picture)?;
+    }
+    render::report(&done, false, &scene);
+    if done.interrupted {
+        return Err(Failure::Interrupted("interrupted; moonmilk.png and moonmilk.exr hold what was done".into()));
+    }
+    tracing::info!("moonmilk.png, moonmilk.exr: {} samples per pixel, error {:.1} %", film.samples(), 100.0 * error);
+    Ok(())
+}

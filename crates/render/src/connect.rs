@@ -1,0 +1,213 @@
+//! Connections to lights: shadow rays through media and index-matched boundaries, with multiple importance sampling.
+
+use moonmilk_core::{Random, Sampler, Spectrum, Vec3, Wavelengths};
+use moonmilk_geometry::{Hit, Surface};
+use moonmilk_walk::{Medium, Tally, Walker};
+
+use crate::bsdf::Shaded;
+use crate::integrator::{Counters, Light, Path};
+use crate::interior::{Nest, Standing};
+use crate::lights::LightSample;
+use crate::scene::{Boundary, Object, Scene};
+use crate::texture::TexturePoint;
+
+/// Share of a shadow ray's length that is left out at its end, where the light itself is: a relative length.
+const END: f32 = 1.0 - 1e-4;
+
+/// Most index-matched surfaces that one shadow ray may pass.
+const MOST_CROSSINGS: u32 = 1 << 14;
+
+/// A place from which light is looked for.
+#[derive(Clone, Copy)]
+pub(crate) struct From<const N: usize> {
+    pub p: Vec3,
+    pub standing: Standing,
+    pub medium: Option<Medium<N>>,
+    pub inside: Nest,
+}
+
+/// Returns the transmittance per lane towards a light, 0 if something is in the way.
+pub(crate) fn transmittance<const N: usize>(
+    scene: &Scene,
+    from: &From<N>,
+    wi: Vec3,
+    distance: f32,
+    wavelengths: &Wavelengths<N>,
+    rng: &mut impl Random,
+    counters: &mut Counters,
+) -> Spectrum<N> {
+    counters.shadow_rays += 1;
+    let mut at = *from;
+    let mut left = distance * END;
+    let mut t = Spectrum::<N>::ONE;
+    for _ in 0..MOST_CROSSINGS {
+        let ray = at.standing.ray_inside(scene, at.inside.innermost(), at.p, wi).up_to(left);
+        // Without surfaces that let light through, any hit will do.
+        if !scene.has_passages {
+            return match scene.accel.occluded(&ray, |_| true) {
+                true => Spectrum::ZERO,
+                false => t * at.medium.map_or(Spectrum::ONE, |m| m.transmittance(left / END)),
+            };
+        }
+        let Some(hit) = scene.accel.nearest(&ray) else {
+            return t * at.medium.map_or(Spectrum::ONE, |m| m.transmittance(left / END));
+        };
+        let object = &scene.objects[hit.shape as usize];
+        let surface = scene.accel.surface(&ray, &hit);
+        let point = TexturePoint { p: surface.p, n: surface.ns, uv: surface.uv };
+        let cut_out = object.alpha.is_some_and(|a| {
+            let alpha = scene.textures.eval_float(a, &point);
+            alpha < 1.0 && rng.uniform() >= alpha
+        });
+        if !cut_out && object.boundary != Boundary::Interface {
+            return Spectrum::ZERO;
+        }
+        if let Some(m) = at.medium {
+            t = t * m.transmittance(hit.t);
+        }
+        left -= hit.t;
+        at.p = surface.p;
+        if cut_out {
+            at.standing = Standing::Through(hit);
+        } else {
+            at.cross(scene, object, hit, &point, wi.dot(surface.ng) > 0.0, wavelengths);
+        }
+    }
+    Spectrum::ZERO
+}
+
+impl<const N: usize> From<N> {
+    /// Goes to the outer or inner side of an object.
+    fn cross(
+        &mut self,
+        scene: &Scene,
+        object: &Object,
+        hit: Hit,
+        point: &TexturePoint,
+        outward: bool,
+        wavelengths: &Wavelengths<N>,
+    ) {
+        if outward {
+            self.medium = scene.medium_outside(object, wavelengths, self.medium);
+            self.inside.leave(hit.shape);
+        } else {
+            self.medium = scene.medium_inside(object, point, wavelengths, self.medium);
+            if object.body.is_some() {
+                self.inside.enter(hit.shape);
+            }
+        }
+        self.standing = match (object.body.is_some(), outward) {
+            (true, true) => Standing::Outside(hit),
+            (true, false) => Standing::Inside(hit),
+            (false, _) => Standing::On(hit),
+        };
+    }
+}
+
+/// Returns what a light sample contributes: value x radiance x transmittance over the densities of both strategies.
+///
+/// `value` is beta times BSDF and cosine, or phase function; `pdf` the density with which scattering would have drawn the
+/// direction, 0 if it cannot. The path would also have had to get through with the lanes' mean transmittance.
+#[inline]
+fn weighed<const N: usize>(
+    sample: &LightSample<N>,
+    value: Spectrum<N>,
+    ratio: Spectrum<N>,
+    pdf: f32,
+    t: Spectrum<N>,
+) -> Spectrum<N> {
+    let through = (ratio * t).mean();
+    let density = if sample.is_delta { sample.pdf } else { sample.pdf + pdf * through };
+    value * t * sample.radiance * (1.0 / density)
+}
+
+/// Samples a light from a surface and adds its contribution.
+#[allow(clippy::too_many_arguments)]
+pub(crate) fn at_surface<const N: usize>(
+    scene: &Scene,
+    path: &Path<N>,
+    object: &Object,
+    hit: Hit,
+    surface: &Surface,
+    point: &TexturePoint,
+    bsdf: &Shaded<N>,
+    n: Option<Vec3>,
+    wavelengths: &Wavelengths<N>,
+    rng: &mut Sampler,
+    light: &mut Light<N>,
+    counters: &mut Counters,
+) {
+    if scene.lights.is_empty() {
+        return;
+    }
+    let u = [rng.uniform(), rng.uniform(), rng.uniform()];
+    let Some(sample) = scene.lights.sample(surface.p, n, wavelengths, u) else {
+        return;
+    };
+    let wo = -path.walker.d;
+    let (f, pdf) = bsdf.eval_cos_pdf(wo, sample.wi);
+    if f.is_black() || sample.radiance.is_black() {
+        return;
+    }
+    // Start on the side towards the light, in the medium there.
+    let mut from = From { p: surface.p, standing: path.standing, medium: path.medium, inside: path.inside };
+    let outward = sample.wi.dot(surface.ng) > 0.0;
+    if outward == (wo.dot(surface.ng) > 0.0) {
+        from.standing = match (object.body.is_some(), outward) {
+            (true, true) => Standing::Outside(hit),
+            (true, false) => Standing::Inside(hit),
+            (false, _) => Standing::On(hit),
+        };
+    } else {
+        from.cross(scene, object, hit, point, outward, wavelengths);
+    }
+    let t = transmittance(scene, &from, sample.wi, sample.distance, wavelengths, rng, counters);
+    if !t.is_black() {
+        light.add(path.walker.collisions, weighed(&sample, path.walker.beta * f, path.walker.ratio, pdf, t));
+    }
+}
+
+/// Looks for light at every collision of a walk, and adds what the medium emits.
+pub(crate) struct InMedium<'a, 'b, const N: usize> {
+    pub scene: &'a Scene,
+    pub wavelengths: &'a Wavelengths<N>,
+    pub light: &'b mut Light<N>,
+    pub counters: &'b mut Counters,
+    pub inside: Nest,
+    pub connects: bool,
+}
+
+impl<const N: usize> Tally<N, Sampler> for InMedium<'_, '_, N> {
+    #[inline]
+    fn collision(&mut self, walker: &mut Walker<N>, medium: &Medium<N>, arrived: Spectrum<N>, rng: &mut Sampler) {
+        if let Some(emission) = medium.emission {
+            self.light.add(walker.collisions - 1, arrived * medium.sigma_a * emission);
+        }
+        if self.connects {
+            self.sample_light(walker, medium, arrived * medium.sigma_s, rng);
+        }
+    }
+
+    #[inline]
+    fn connects(&self) -> bool {
+        self.connects
+    }
+}
+
+impl<const N: usize> InMedium<'_, '_, N> {
+    fn sample_light(&mut self, walker: &Walker<N>, medium: &Medium<N>, beta: Spectrum<N>, rng: &mut Sampler) {
+        let u = [rng.uniform(), rng.uniform(), rng.uniform()];
+        let Some(sample) = self.scene.lights.sample(walker.p, None, self.wavelengths, u) else {
+            return;
+        };
+        if sample.radiance.is_black() {
+            return;
+        }
+        let phase = medium.phase(walker.d, sample.wi);
+        let from = From { p: walker.p, standing: Standing::Space, medium: Some(*medium), inside: self.inside };
+        let t = transmittance(self.scene, &from, sample.wi, sample.distance, self.wavelengths, rng, self.counters);
+        if !t.is_black() {
+            self.light.add(walker.collisions, weighed(&sample, beta * phase, walker.ratio, phase, t));
+        }
+    }
+}

@@ -1,0 +1,570 @@
+//! Volumetric path tracing: the exact transport that judges everything else.
+//!
+//! A path starts at the camera. Outside media it goes from surface to surface, with light sampling and multiple importance
+//! sampling; inside a medium it is handed to the walk of `moonmilk-walk`, which returns it at a wall. Smooth refractive
+//! walls with nothing else to decide are crossed inside the walk ([`crate::interior`]).
+//!
+//! *Weights.* `beta` and `ratio` are those of [`moonmilk_walk::Walker`]: weight over the mean density of the wavelengths, and
+//! density of each over that mean. `direction_pdf` is the density with which the last direction was drawn times the mean
+//! probability of getting through the media since; a light that is hit and could have been sampled with density p_l
+//! counts with 1 / (1 + p_l / direction_pdf): the balance heuristic over wavelengths and strategies [Miller2019].
+
+use moonmilk_core::{Random, Sampler, Spectrum, Vec3};
+use moonmilk_core::{WavelengthMode, Wavelengths};
+use moonmilk_geometry::{Facing, Hit, NONE, Ray, Surface};
+use moonmilk_walk::{Medium, Outcome, Roulette, Walker, classic};
+
+use crate::bsdf::{Bsdf, Crossing, Kind};
+use crate::connect;
+use crate::interior::{Exit, Interior, Nest, Standing};
+use crate::scene::{Boundary, Object, Scene};
+use crate::texture::TexturePoint;
+
+/// Number of events after which a path is given up and counted: no path of a scene with any loss gets there.
+const ENDLESS: u64 = 1 << 24;
+
+/// Surface bounces before roulette may end a path.
+const SURE_BOUNCES: u32 = 4;
+
+/// Settings of exact transport.
+#[derive(Clone, Debug)]
+pub struct Integrator {
+    /// Seed of all random numbers.
+    pub seed: u64,
+    /// Treatment of colour.
+    pub wavelengths: WavelengthMode,
+    /// Roulette of walks and paths.
+    pub roulette: Roulette,
+    /// Largest number of bounces, every collision and surface event counted as pbrt does; `None` for no limit.
+    pub max_depth: Option<u32>,
+}
+
+/// Radiance that a path collected, by number of collisions, and what it saw first.
+#[derive(Clone, Copy, Debug)]
+pub struct Light<const N: usize> {
+    /// Radiance after 0, 1, and 2 or more collisions.
+    pub orders: [Spectrum<N>; 3],
+    /// Albedo of the first surface.
+    pub albedo: Spectrum<N>,
+    /// Shading normal of the first surface.
+    pub normal: Vec3,
+    /// Distance of the first surface; 0 if there is none.
+    pub depth: f32,
+}
+
+impl<const N: usize> Default for Light<N> {
+    fn default() -> Self {
+        Self { orders: [Spectrum::ZERO; 3], albedo: Spectrum::ZERO, normal: Vec3::ZERO, depth: 0.0 }
+    }
+}
+
+impl<const N: usize> Light<N> {
+    /// Adds radiance that arrived after a number of collisions.
+    #[inline]
+    pub fn add(&mut self, collisions: u32, radiance: Spectrum<N>) {
+        self.orders[collisions.min(2) as usize] += radiance;
+    }
+}
+
+/// What the transport did.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counters {
+    /// Paths started.
+    pub paths: u64,
+    /// Collisions inside media.
+    pub collisions: u64,
+    /// Rays cast outside media, to the nearest hit.
+    pub rays: u64,
+    /// Segments cast inside media.
+    pub segments: u64,
+    /// Shadow rays.
+    pub shadow_rays: u64,
+    /// Paths that entered a closed body.
+    pub entered: u64,
+    /// Paths that left a closed body.
+    pub left: u64,
+    /// Paths that ended inside a closed body (absorbed, by roulette).
+    pub ended_inside: u64,
+    /// Walks that rounding put outside their body and that were set back on the nearest surface.
+    pub rescued: u64,
+    /// Walks in media that found no wall at all: open objects.
+    pub lost: u64,
+    /// Hits on a closed body from the side that the path did not know itself to be on: bodies that intersect themselves or
+    /// each other, or a camera inside a body.
+    pub contrary: u64,
+    /// Paths given up after 2^24 events.
+    pub endless: u64,
+}
+
+impl Counters {
+    /// Adds the figures of another part of the work.
+    pub fn merge(&mut self, o: &Self) {
+        let Self {
+            paths,
+            collisions,
+            rays,
+            segments,
+            shadow_rays,
+            entered,
+            left,
+            ended_inside,
+            rescued,
+            lost,
+            contrary,
+            endless,
+        } = o;
+        self.paths += paths;
+        self.collisions += collisions;
+        self.rays += rays;
+        self.segments += segments;
+        self.shadow_rays += shadow_rays;
+        self.entered += entered;
+        self.left += left;
+        self.ended_inside += ended_inside;
+        self.rescued += rescued;
+        self.lost += lost;
+        self.contrary += contrary;
+        self.endless += endless;
+    }
+}
+
+/// A path on its way.
+pub(crate) struct Path<const N: usize> {
+    pub walker: Walker<N>,
+    /// Medium around the walker, `None` for vacuum.
+    pub medium: Option<Medium<N>>,
+    /// Closed objects that the walker is inside of.
+    pub inside: Nest,
+    /// Surface that the walker stands on.
+    pub standing: Standing,
+    /// Normal at the point where the last direction was drawn, for the density of light sampling; `None` inside media and at
+    /// boundaries that light can cross.
+    pub normal: Option<Vec3>,
+    /// Bounces, as pbrt counts them.
+    pub depth: u32,
+    /// Surface bounces since the start.
+    pub bounces: u32,
+    /// Whether a surface was seen.
+    pub seen: bool,
+}
+
+impl Integrator {
+    /// Follows one path from the camera and adds what it finds to `light`.
+    pub fn trace<const N: usize>(
+        &self,
+        scene: &Scene,
+        o: Vec3,
+        d: Vec3,
+        wavelengths: &Wavelengths<N>,
+        rng: &mut Sampler,
+        light: &mut Light<N>,
+        counters: &mut Counters,
+    ) {
+        counters.paths += 1;
+        let mut path = Path {
+            walker: Walker::new(o, d),
+            medium: scene.camera_medium.and_then(|m| scene.medium::<N>(m, wavelengths)),
+            inside: Nest::default(),
+            standing: Standing::Space,
+            normal: None,
+            depth: 0,
+            bounces: 0,
+            seen: false,
+        };
+        let mut events = 0u64;
+        let start = path.walker.collisions;
+        while self.step(scene, &mut path, wavelengths, rng, light, counters) {
+            events += 1;
+            if events + u64::from(path.walker.collisions) > ENDLESS {
+                counters.endless += 1;
+                break;
+            }
+        }
+        counters.collisions += u64::from(path.walker.collisions - start);
+    }
+
+    /// Advances to the next surface and through it; returns whether the path goes on.
+    fn step<const N: usize>(
+        &self,
+        scene: &Scene,
+        path: &mut Path<N>,
+        wavelengths: &Wavelengths<N>,
+        rng: &mut Sampler,
+        light: &mut Light<N>,
+        counters: &mut Counters,
+    ) -> bool {
+        let Some(medium) = path.medium else {
+            return self.step_outside(scene, path, wavelengths, rng, light, counters);
+        };
+        if medium.sigma_s.is_black() {
+            return self.step_absorbing(scene, path, &medium, wavelengths, rng, light, counters);
+        }
+
+        // Walk inside the medium until a wall leaves something to decide.
+        let interior = Interior::new(scene, path.inside.innermost(), self.max_depth.is_some(), path.standing);
+        let collisions = path.walker.collisions;
+        let limit = self.max_depth.map_or(u32::MAX, |m| m - path.depth.min(m));
+        let connects = !scene.lights.is_empty() && interior.connects();
+        let mut tally = connect::InMedium { scene, wavelengths, light, counters, inside: path.inside, connects };
+        let limits = classic::Limits { roulette: self.roulette, collisions: collisions.saturating_add(limit) };
+        let outcome = classic::walk(&interior, &medium, &limits, &mut path.walker, &mut tally, rng);
+        counters.segments += interior.segments();
+        let walked = path.walker.collisions - collisions;
+        path.depth = path.depth.saturating_add(walked);
+        if walked > 0 {
+            path.normal = None;
+        }
+        match outcome {
+            Outcome::Left(Exit::Outside(hit)) => {
+                counters.left += 1;
+                let object = &scene.objects[hit.shape as usize];
+                path.leave(scene, object, hit.shape, wavelengths);
+                path.standing = Standing::Outside(hit);
+                path.normal = None;
+                true
+            }
+            Outcome::Left(Exit::Surface(hit, surface)) => {
+                self.surface(scene, path, hit, &surface, wavelengths, rng, light, counters)
+            }
+            Outcome::Ended => {
+                counters.ended_inside += u64::from(path.inside.innermost().is_some());
+                false
+            }
+            Outcome::Lost => {
+                match path.inside.innermost().and_then(|i| scene.rescue(i, path.walker.p, path.walker.d)) {
+                    // Set a walk that rounding put outside back onto the surface, as if it arrived there.
+                    Some((hit, surface)) => {
+                        counters.rescued += 1;
+                        path.walker.p = surface.p;
+                        self.surface(scene, path, hit, &surface, wavelengths, rng, light, counters)
+                    }
+                    None => {
+                        counters.lost += 1;
+                        // What no wall ever stops sees the environment through the medium: black for scattering media.
+                        false
+                    }
+                }
+            }
+        }
+    }
+
+    /// Goes to the next surface through vacuum.
+    fn step_outside<const N: usize>(
+        &self,
+        scene: &Scene,
+        path: &mut Path<N>,
+        wavelengths: &Wavelengths<N>,
+        rng: &mut Sampler,
+        light: &mut Light<N>,
+        counters: &mut Counters,
+    ) -> bool {
+        counters.rays += 1;
+        let ray = path.standing.ray(scene, path.walker.p, path.walker.d);
+        match scene.accel.nearest(&ray) {
+            Some(hit) => {
+                let surface = scene.accel.surface(&ray, &hit);
+                path.walker.p = surface.p;
+                self.surface(scene, path, hit, &surface, wavelengths, rng, light, counters)
+            }
+            None => {
+                self.environment(scene, path, wavelengths, light);
+                false
+            }
+        }
+    }
+
+    /// Goes to the next surface through a medium that absorbs (and emits) but does not scatter: attenuation in closed form.
+    fn step_absorbing<const N: usize>(
+        &self,
+        scene: &Scene,
+        path: &mut Path<N>,
+        medium: &Medium<N>,
+        wavelengths: &Wavelengths<N>,
+        rng: &mut Sampler,
+        light: &mut Light<N>,
+        counters: &mut Counters,
+    ) -> bool {
+        counters.rays += 1;
+        let ray = path.standing.ray_inside(scene, path.inside.innermost(), path.walker.p, path.walker.d);
+        let hit = scene.accel.nearest(&ray);
+        let t = hit.map_or(f32::INFINITY, |h| h.t);
+        let transmittance = medium.transmittance(t);
+        if let Some(emission) = medium.emission {
+            // Integrate sigma_a L_e exp(-sigma_a s) along the segment.
+            light.add(path.walker.collisions, path.walker.beta * emission * transmittance.map(|x| 1.0 - x));
+        }
+        path.walker.beta *= transmittance;
+        match hit {
+            Some(hit) if !path.walker.beta.is_black() => {
+                let surface = scene.accel.surface(&ray, &hit);
+                path.walker.p = surface.p;
+                self.surface(scene, path, hit, &surface, wavelengths, rng, light, counters)
+            }
+            Some(_) => false,
+            None => {
+                self.environment(scene, path, wavelengths, light);
+                false
+            }
+        }
+    }
+
+    /// Adds the radiance of infinite lights.
+    fn environment<const N: usize>(
+        &self,
+        scene: &Scene,
+        path: &Path<N>,
+        wavelengths: &Wavelengths<N>,
+        light: &mut Light<N>,
+    ) {
+        let radiance = scene.lights.environment(path.walker.d, wavelengths);
+        if radiance.is_black() {
+            return;
+        }
+        let share = path.walker.direction_pdf.map_or(1.0, |pdf| {
+            balance(pdf, scene.lights.pdf_environment(path.walker.scatter_point, path.normal, path.walker.d))
+        });
+        light.add(path.walker.collisions, path.walker.beta * radiance * share);
+    }
+
+    /// Handles the arrival at a surface; returns whether the path goes on.
+    #[allow(clippy::too_many_arguments)]
+    fn surface<const N: usize>(
+        &self,
+        scene: &Scene,
+        path: &mut Path<N>,
+        hit: Hit,
+        surface: &Surface,
+        wavelengths: &Wavelengths<N>,
+        rng: &mut Sampler,
+        light: &mut Light<N>,
+        counters: &mut Counters,
+    ) -> bool {
+        let object = &scene.objects[hit.shape as usize];
+        let wo = -path.walker.d;
+
+        // Add what the surface emits, shared with light sampling.
+        if let Some(l) = scene.lights.light_of(hit.shape, hit.index) {
+            let radiance = scene.lights.emitted(l, surface.uv, surface.ng, wo, wavelengths);
+            if !radiance.is_black() {
+                let share = path.walker.direction_pdf.map_or(1.0, |pdf| {
+                    balance(pdf, scene.lights.pdf_hit(path.walker.scatter_point, path.normal, l, surface.p))
+                });
+                light.add(path.walker.collisions, path.walker.beta * radiance * share);
+            }
+        }
+
+        if object.body.is_some() && hit.exiting != path.inside.contains(hit.shape) {
+            counters.contrary += 1;
+        }
+
+        let point = TexturePoint { p: surface.p, n: surface.ns, uv: surface.uv };
+        // Let rays through what is cut out, and through surfaces that only separate media.
+        let cut_out = object.alpha.is_some_and(|a| {
+            let alpha = scene.textures.eval_float(a, &point);
+            alpha < 1.0 && rng.uniform() >= alpha
+        });
+        if cut_out {
+            path.standing = Standing::Through(hit);
+            return true;
+        }
+        if object.boundary == Boundary::Interface {
+            path.pass(scene, object, hit, path.walker.d.dot(surface.ng) > 0.0, wavelengths);
+            return true;
+        }
+        if !path.seen {
+            path.seen = true;
+            light.normal = surface.ns;
+            light.depth = hit.t;
+            light.albedo = scene.albedo(object, surface, &point, wavelengths);
+        }
+        if self.max_depth.is_some_and(|m| path.depth >= m) {
+            return false;
+        }
+        path.depth += 1;
+
+        // Cross smooth refractive boundaries by the reciprocal rule.
+        if let Boundary::Smooth { eta } = object.boundary {
+            match crate::bsdf::cross(wo, surface.ng, surface.ns, eta, rng) {
+                Crossing::Reflected(d) => {
+                    path.turn(d, None);
+                    path.stand(object, hit, wo.dot(surface.ng) > 0.0);
+                }
+                Crossing::Transmitted(d) => {
+                    path.turn(d, None);
+                    path.transmit(scene, object, hit, &point, wo.dot(surface.ng) <= 0.0, eta, wavelengths, counters);
+                }
+            }
+            return self.survives(path, rng);
+        }
+
+        // Every other surface has a BSDF.
+        let bsdf =
+            scene.materials.resolve(object.material, &scene.textures, surface, &point, wavelengths, rng.uniform());
+        if bsdf.bsdf.wavelength_dependent() {
+            path.walker.beta *= Wavelengths::<N>::hero_only();
+        }
+        let both_sides = bsdf.bsdf.transmits();
+        if !bsdf.bsdf.is_specular() {
+            let n = (!both_sides).then_some(if wo.dot(surface.ng) > 0.0 { surface.ng } else { -surface.ng });
+            connect::at_surface(scene, path, object, hit, surface, &point, &bsdf, n, wavelengths, rng, light, counters);
+        }
+        let (uc, u) = (rng.uniform(), rng.uniform2());
+        let Some(s) = bsdf.sample(wo, uc, u) else {
+            return false;
+        };
+        path.walker.beta *= s.weight(bsdf.cos(s.wi));
+        if path.walker.beta.is_black() {
+            return false;
+        }
+        // Coats sample by a random walk: what competes with light sampling is their density as light sampling knows it.
+        let pdf = if matches!(bsdf.bsdf, Bsdf::Layered(_)) { bsdf.pdf(wo, s.wi) } else { s.pdf };
+        path.turn(s.wi, (!s.specular).then_some(pdf));
+        path.normal = (!both_sides).then_some(if wo.dot(surface.ng) > 0.0 { surface.ng } else { -surface.ng });
+        let outward = s.wi.dot(surface.ng) > 0.0;
+        if s.kind == Kind::Transmission {
+            // The BSDF has applied the radiance factor; only the bookkeeping of roulette and media remains.
+            path.walker.eta_scale *= s.eta * s.eta;
+            path.change_medium(scene, object, hit, &point, outward, wavelengths, counters);
+        } else {
+            path.stand(object, hit, outward);
+        }
+        self.survives(path, rng)
+    }
+
+    /// Ends paths of little weight, keeping the mean.
+    fn survives<const N: usize>(&self, path: &mut Path<N>, rng: &mut Sampler) -> bool {
+        path.bounces += 1;
+        if path.bounces <= SURE_BOUNCES {
+            return true;
+        }
+        match self.roulette.play(path.walker.beta.max_value() * path.walker.eta_scale, rng) {
+            Some(factor) => {
+                path.walker.beta *= factor;
+                true
+            }
+            None => false,
+        }
+    }
+}
+
+/// Returns p / (p + q), the balance heuristic's share of the strategy with density p.
+#[inline]
+pub(crate) fn balance(p: f32, q: f32) -> f32 {
+    if q == 0.0 { 1.0 } else { 1.0 / (1.0 + q / p) }
+}
+
+impl<const N: usize> Path<N> {
+    /// Sends the walker along d, drawn with a density (`None`: specular).
+    fn turn(&mut self, d: Vec3, pdf: Option<f32>) {
+        self.walker.d = d;
+        self.walker.direction_pdf = pdf;
+        self.walker.scatter_point = self.walker.p;
+        self.walker.room = 0.0;
+        self.normal = None;
+    }
+
+    /// Notes that the walker stands on a surface and leaves it on the outer or inner side.
+    fn stand(&mut self, object: &Object, hit: Hit, outward: bool) {
+        self.standing = match (object.body.is_some(), outward) {
+            (true, true) => Standing::Outside(hit),
+            (true, false) => Standing::Inside(hit),
+            (false, _) => Standing::On(hit),
+        };
+    }
+
+    /// Passes straight through a surface that only separates media.
+    fn pass(&mut self, scene: &Scene, object: &Object, hit: Hit, outward: bool, wavelengths: &Wavelengths<N>) {
+        let point = TexturePoint { p: self.walker.p, n: self.walker.d, uv: Default::default() };
+        let mut ignored = Counters::default();
+        self.change_medium(scene, object, hit, &point, outward, wavelengths, &mut ignored);
+    }
+
+    /// Refracts into the other side: radiance scaling and medium.
+    #[allow(clippy::too_many_arguments)]
+    fn transmit(
+        &mut self,
+        scene: &Scene,
+        object: &Object,
+        hit: Hit,
+        point: &TexturePoint,
+        outward: bool,
+        eta: f32,
+        wavelengths: &Wavelengths<N>,
+        counters: &mut Counters,
+    ) {
+        let factor = if outward { eta * eta } else { 1.0 / (eta * eta) };
+        self.walker.beta *= factor;
+        self.walker.eta_scale /= factor;
+        self.change_medium(scene, object, hit, point, outward, wavelengths, counters);
+    }
+
+    /// Puts the walker on the outer or inner side of an object.
+    #[allow(clippy::too_many_arguments)]
+    fn change_medium(
+        &mut self,
+        scene: &Scene,
+        object: &Object,
+        hit: Hit,
+        point: &TexturePoint,
+        outward: bool,
+        wavelengths: &Wavelengths<N>,
+        counters: &mut Counters,
+    ) {
+        self.walker.room = 0.0;
+        if outward {
+            counters.left += u64::from(object.body.is_some());
+            self.leave(scene, object, hit.shape, wavelengths);
+        } else {
+            counters.entered += u64::from(object.body.is_some());
+            self.medium = scene.medium_inside(object, point, wavelengths, self.medium);
+            if object.body.is_some() {
+                self.inside.enter(hit.shape);
+            }
+        }
+        self.stand(object, hit, outward);
+    }
+
+    /// Puts the walker into what lies outside an object.
+    fn leave(&mut self, scene: &Scene, object: &Object, shape: u32, wavelengths: &Wavelengths<N>) {
+        self.medium = scene.medium_outside(object, wavelengths, self.medium);
+        self.inside.leave(shape);
+    }
+}
+
+impl Standing {
+    /// Returns the ray for a flight outside closed bodies.
+    #[inline]
+    pub(crate) fn ray(&self, scene: &Scene, p: Vec3, d: Vec3) -> Ray {
+        let ray = Ray::new(p, d);
+        match self {
+            Standing::Space => ray,
+            Standing::On(hit) | Standing::Through(hit) => ray.from_prim(hit.prim),
+            Standing::Outside(hit) => match scene.objects[hit.shape as usize].body {
+                Some(body) => ray.from_prim(hit.prim).facing(Facing::Entering(body)),
+                None => ray.from_prim(hit.prim),
+            },
+            Standing::Inside(hit) => match scene.objects[hit.shape as usize].body {
+                Some(body) => ray.from_prim(hit.prim).facing(Facing::Exiting(body)),
+                None => ray.from_prim(hit.prim),
+            },
+        }
+    }
+
+    /// Returns the ray for a flight inside an object.
+    #[inline]
+    pub(crate) fn ray_inside(&self, scene: &Scene, inside: Option<u32>, p: Vec3, d: Vec3) -> Ray {
+        match inside.and_then(|i| scene.objects[i as usize].body) {
+            Some(body) => Ray::new(p, d).from_prim(self.prim()).facing(Facing::Exiting(body)),
+            None => self.ray(scene, p, d),
+        }
+    }
+
+    /// Returns the primitive stood on, or `NONE`.
+    #[inline]
+    pub(crate) fn prim(&self) -> u32 {
+        match self {
+            Standing::Space => NONE,
+            Standing::On(h) | Standing::Through(h) | Standing::Outside(h) | Standing::Inside(h) => h.prim,
+        }
+    }
+}

@@ -1,0 +1,191 @@
+//! The inside of an object, as the walk sees it.
+
+use std::cell::Cell;
+
+use moonmilk_core::{Random, Vec3};
+use moonmilk_geometry::{Clearance, Facing, Hit, Ray, Surface};
+use moonmilk_walk::{Domain, Walker, domain::Wall};
+
+use crate::bsdf::{Crossing, cross};
+use crate::scene::{Boundary, Scene};
+
+/// What a path stands on, and on which side of it: decides which hits count next.
+#[derive(Clone, Copy, Debug)]
+pub enum Standing {
+    /// Nothing: it is in mid-air, or at a collision.
+    Space,
+    /// A surface that bounds nothing.
+    On(Hit),
+    /// A surface that it passes as if it were not there.
+    Through(Hit),
+    /// The outer side of a closed object.
+    Outside(Hit),
+    /// The inner side of a closed object.
+    Inside(Hit),
+}
+
+/// Closed objects that a path is inside of, innermost last.
+///
+/// Holds the last [`Nest::DEPTH`] of them: in deeper nests the outermost are forgotten, which costs speed and guards, not
+/// correctness.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Nest {
+    items: [u32; Self::DEPTH],
+    n: u8,
+}
+
+impl Nest {
+    /// Number of objects remembered.
+    pub const DEPTH: usize = 6;
+
+    /// Returns the innermost object.
+    #[inline]
+    pub fn innermost(&self) -> Option<u32> {
+        (self.n > 0).then(|| self.items[self.n as usize - 1])
+    }
+
+    /// Returns whether the path is inside an object.
+    #[inline]
+    pub fn contains(&self, shape: u32) -> bool {
+        self.items[..self.n as usize].contains(&shape)
+    }
+
+    /// Goes into an object.
+    #[inline]
+    pub fn enter(&mut self, shape: u32) {
+        if self.n as usize == Self::DEPTH {
+            self.items.rotate_left(1);
+            self.n -= 1;
+        }
+        self.items[self.n as usize] = shape;
+        self.n += 1;
+    }
+
+    /// Goes out of an object, innermost or not; nothing happens if it was not known.
+    #[inline]
+    pub fn leave(&mut self, shape: u32) {
+        if let Some(at) = self.items[..self.n as usize].iter().rposition(|&s| s == shape) {
+            self.items.copy_within(at + 1..self.n as usize, at);
+            self.n -= 1;
+        }
+    }
+}
+
+/// How a walk left.
+#[derive(Clone, Copy, Debug)]
+pub enum Exit {
+    /// Refracted through the object's own smooth boundary; the walker flies outside already.
+    Outside(Hit),
+    /// It arrived at a surface where the integrator decides.
+    Surface(Hit, Surface),
+}
+
+/// The medium inside an object (or around open surfaces), with all surfaces of the scene as walls.
+pub(crate) struct Interior<'a> {
+    scene: &'a Scene,
+    /// The closed object, if it is known which.
+    object: Option<u32>,
+    facing: Facing,
+    clearance: Option<&'a Clearance>,
+    /// Index of the smooth boundary that is crossed inside the walk; `None` if the integrator is to decide.
+    smooth: Option<f32>,
+    start: Standing,
+    segments: Cell<u64>,
+}
+
+impl<'a> Interior<'a> {
+    /// Returns the surroundings of a walk that starts on `standing`. `count_all` hands every surface to the integrator.
+    pub fn new(scene: &'a Scene, object: Option<u32>, count_all: bool, start: Standing) -> Self {
+        let o = object.map(|i| &scene.objects[i as usize]);
+        let body = o.and_then(|o| o.body);
+        Self {
+            scene,
+            object,
+            facing: body.map_or(Facing::Any, Facing::Exiting),
+            clearance: object.filter(|_| body.is_some()).map(|i| scene.clearance(i)),
+            smooth: match o.map(|o| o.boundary) {
+                Some(Boundary::Smooth { eta }) if !count_all => Some(eta),
+                _ => None,
+            },
+            start,
+            segments: Cell::new(0),
+        }
+    }
+
+    /// Returns the number of segments cast.
+    pub fn segments(&self) -> u64 {
+        self.segments.get()
+    }
+
+    /// Returns whether light sampling inside can reach anything.
+    pub fn connects(&self) -> bool {
+        self.object.is_none_or(|i| self.scene.objects[i as usize].connects)
+    }
+}
+
+impl<const N: usize> Domain<N> for Interior<'_> {
+    type Wall = Option<Hit>;
+    type Exit = Exit;
+
+    #[inline]
+    fn start(&self) -> Option<Hit> {
+        None
+    }
+
+    #[inline]
+    fn first(&self) -> Option<Hit> {
+        match self.start {
+            Standing::Space => None,
+            Standing::On(h) | Standing::Through(h) | Standing::Outside(h) | Standing::Inside(h) => Some(h),
+        }
+    }
+
+    #[inline]
+    fn room(&self, p: Vec3) -> f32 {
+        self.clearance.map_or(0.0, |c| c.bound(p))
+    }
+
+    #[inline]
+    fn segment(&self, p: Vec3, d: Vec3, t_max: f32, from: &Option<Hit>) -> Option<(f32, Option<Hit>)> {
+        self.segments.set(self.segments.get() + 1);
+        let mut ray = Ray::new(p, d).up_to(t_max).facing(self.facing);
+        if let Some(hit) = from {
+            ray = ray.from_prim(hit.prim);
+        }
+        self.scene.accel.nearest(&ray).map(|h| (h.t, Some(h)))
+    }
+
+    #[inline]
+    fn arrive<R: Random>(
+        &self,
+        wall: Option<Hit>,
+        _t: f32,
+        walker: &mut Walker<N>,
+        rng: &mut R,
+    ) -> Wall<Option<Hit>, Exit> {
+        let hit = wall.expect("a segment that met a wall has a hit");
+        let surface = self.scene.accel.surface(&Ray::new(walker.p, walker.d), &hit);
+        walker.p = surface.p;
+        let Some(eta) = self.smooth.filter(|_| Some(hit.shape) == self.object && hit.exiting) else {
+            return Wall::Leave(Exit::Surface(hit, surface));
+        };
+        // Cross the object's own boundary: most arrivals are reflected inside, many times over.
+        let wo = -walker.d;
+        walker.direction_pdf = None;
+        match cross(wo, surface.ng, surface.ns, eta, rng) {
+            Crossing::Reflected(d) => walker.d = d,
+            Crossing::Transmitted(d) => {
+                walker.d = d;
+                walker.beta *= eta * eta;
+                walker.eta_scale /= eta * eta;
+                return Wall::Leave(Exit::Outside(hit));
+            }
+        }
+        Wall::Stay(Some(hit))
+    }
+
+    #[inline]
+    fn is_outside(&self, p: Vec3) -> bool {
+        self.object.is_some_and(|i| !self.scene.objects[i as usize].reach.contains(p))
+    }
+}

@@ -1,0 +1,153 @@
+//! Rendering a range of samples of a film on all threads, whole tile updates at a time.
+
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+
+use moonmilk_core::{Random, Sampler, Spectrum, Stream, WavelengthMode, Wavelengths};
+use rayon::prelude::*;
+
+use crate::film::{Film, PixelSample};
+use crate::integrator::{Counters, Integrator, Light};
+use crate::scene::Scene;
+
+/// Samples per pixel after which a tile's work is committed.
+const CHUNK: u64 = 4;
+
+/// Stream word that separates the random numbers of rounding from those of paths.
+const ROUNDING: u64 = 0x51;
+
+/// A sample whose value was NaN, infinite or too large; enough to replay it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct InvalidSample {
+    /// Pixel of the picture.
+    pub pixel: [u32; 2],
+    /// Absolute sample number.
+    pub sample: u64,
+    /// Its value.
+    pub rgb: [f32; 3],
+}
+
+/// What rendering did, summed over all threads.
+#[derive(Clone, Debug, Default)]
+pub struct Statistics {
+    /// Counters of the transport.
+    pub counters: Counters,
+    /// Number of invalid samples.
+    pub invalid: u64,
+    /// The first few invalid samples.
+    pub examples: Vec<InvalidSample>,
+    /// Samples taken (pixels times samples per pixel).
+    pub samples: u64,
+}
+
+impl Statistics {
+    /// Adds the figures of another part of the work.
+    pub fn merge(&mut self, o: &Self) {
+        self.counters.merge(&o.counters);
+        self.invalid += o.invalid;
+        self.samples += o.samples;
+        self.examples.extend(o.examples.iter().take(8usize.saturating_sub(self.examples.len())));
+    }
+}
+
+/// Renders each tile up to sample number `end` (exclusive) of the film; returns when done or stopped.
+///
+/// Work is committed in whole updates of one tile and at most [`CHUNK`] samples; an update that `stop` interrupts is dropped,
+/// so that what the film holds is always exactly a range of samples per tile. `progress` counts committed samples.
+pub fn render(
+    scene: &Scene,
+    integrator: &Integrator,
+    film: &Film,
+    end: u64,
+    stop: &AtomicBool,
+    progress: &AtomicU64,
+) -> Statistics {
+    (0..film.tile_count())
+        .into_par_iter()
+        .with_max_len(1)
+        .map(|i| {
+            let mut statistics = Statistics::default();
+            loop {
+                let tile = {
+                    let t = film.tile(i);
+                    (t.x0, t.y0, t.width, t.height, film.first + t.samples)
+                };
+                let from = tile.4;
+                if from >= end || stop.load(Ordering::Relaxed) {
+                    return statistics;
+                }
+                let to = end.min((from / CHUNK + 1) * CHUNK);
+                let mut update = film.update(&film.tile(i));
+                for p in 0..tile.2 * tile.3 {
+                    let pixel = [tile.0 + p % tile.2, tile.1 + p / tile.2];
+                    if stop.load(Ordering::Relaxed) {
+                        return statistics;
+                    }
+                    for s in from..to {
+                        let value = sample(scene, integrator, pixel, s, &mut statistics.counters);
+                        let mut dither = Stream::new(&[
+                            integrator.seed,
+                            ROUNDING,
+                            (u64::from(pixel[1]) << 32) | u64::from(pixel[0]),
+                            s,
+                        ]);
+                        if !film.add(&mut update, p as usize, s, &value, || dither.uniform()) {
+                            statistics.invalid += 1;
+                            if statistics.examples.len() < 8 {
+                                statistics.examples.push(InvalidSample { pixel, sample: s, rgb: value.rgb });
+                            }
+                        }
+                    }
+                }
+                let n = to - from;
+                film.commit(i, update, n);
+                statistics.samples += n * u64::from(tile.2 * tile.3);
+                progress.fetch_add(n * u64::from(tile.2 * tile.3), Ordering::Relaxed);
+            }
+        })
+        .reduce(Statistics::default, |mut a, b| {
+            a.merge(&b);
+            a
+        })
+}
+
+/// Returns one sample of one pixel: a pure function of scene, settings, pixel and sample number.
+pub fn sample(
+    scene: &Scene,
+    integrator: &Integrator,
+    pixel: [u32; 2],
+    sample: u64,
+    counters: &mut Counters,
+) -> PixelSample {
+    match integrator.wavelengths {
+        WavelengthMode::Hero => sample_lanes::<4>(scene, integrator, pixel, sample, counters),
+        WavelengthMode::Rgb => sample_lanes::<3>(scene, integrator, pixel, sample, counters),
+        WavelengthMode::Mono(_) => sample_lanes::<1>(scene, integrator, pixel, sample, counters),
+    }
+}
+
+fn sample_lanes<const N: usize>(
+    scene: &Scene,
+    integrator: &Integrator,
+    pixel: [u32; 2],
+    sample: u64,
+    counters: &mut Counters,
+) -> PixelSample {
+    let mut rng = Sampler::new(integrator.seed, pixel[0], pixel[1], sample);
+    let offset = rng.uniform2();
+    let lens = rng.uniform2();
+    let wavelengths = Wavelengths::<N>::sample(integrator.wavelengths, rng.uniform());
+    let ([dx, dy], weight) = scene.filter.sample(offset);
+    let film = moonmilk_core::Vec2::new(pixel[0] as f32 + 0.5 + dx, pixel[1] as f32 + 0.5 + dy);
+    let (o, d) = scene.camera.ray(film, lens);
+    let mut light = Light::<N>::default();
+    integrator.trace(scene, o, d, &wavelengths, &mut rng, &mut light, counters);
+    let rgb = |s: Spectrum<N>| wavelengths.to_rgb(s).map(|c| c * weight);
+    let orders = light.orders.map(rgb);
+    PixelSample {
+        rgb: std::array::from_fn(|c| orders[0][c] + orders[1][c] + orders[2][c]),
+        orders,
+        albedo: wavelengths.to_rgb(light.albedo),
+        normal: light.normal.to_array(),
+        depth: light.depth,
+    }
+}
