@@ -226,7 +226,7 @@ impl Accel {
         Some(Hit { rescued: true, ..self.hit(Candidate { t, prim: c.prim, b: c.b, exiting }) })
     }
 
-    /// Returns whether the line of a ray from a triangle passes an edge of it (ahead or behind) within the slack of its plane.
+    /// Returns whether a ray from a triangle starts within the slack of an edge, or passes one within the slack of the plane.
     fn is_shallow(&self, ray: &Ray, body: Body) -> bool {
         let (shape, index) = self.locate(ray.skip);
         let Form::Mesh(m) = &self.shapes[shape as usize].form else {
@@ -240,9 +240,12 @@ impl Accel {
         let (b1, b2) = ((ray.o - p0).dot(g1), (ray.o - p0).dot(g2));
         let (r1, r2) = (ray.d.dot(g1), ray.d.dot(g2));
         let n2 = n.length_squared();
-        let t = (b1 / r1).abs().min((b2 / r2).abs()).min(((n2 - b1 - b2) / (r1 + r2)).abs());
-        // In this form NaN (a triangle too small for f32 products) is verified, too.
-        !(ray.d.dot(n).abs() * t >= body.slack * n2.sqrt())
+        let b0 = n2 - b1 - b2;
+        let edge = (b0 / (g1 + g2).length()).min(b1 / g1.length()).min(b2 / g2.length());
+        let t = (b1 / r1).abs().min((b2 / r2).abs()).min((b0 / (r1 + r2)).abs());
+        let depth = ray.d.dot(n).abs() * t / n2.sqrt();
+        // NaN means a triangle too small for f32 products: verify it, too.
+        edge.is_nan() || depth.is_nan() || edge < body.slack || depth < body.slack
     }
 
     /// Returns the nearest hit after finding out by the count of crossings on which side of the body the ray starts.

@@ -63,7 +63,7 @@ impl Clearance {
             balls.clear();
         }
         let others: Vec<&Shape> =
-            shapes.iter().copied().filter(|s| !(few && ball(s).is_some()) && !outside(s, &bounds)).collect();
+            shapes.iter().copied().filter(|s| !(few && ball(s).is_some() || outside(s, &bounds))).collect();
         let grid = if others.is_empty() { None } else { Grid::build(&others, bounds, max_cells.max(1)) };
         Self { bounds, balls, grid }
     }
@@ -221,7 +221,7 @@ impl Marks {
             for y in low.y..=high.y {
                 for x in low.x..=high.x {
                     let center = IVec3::new(x, y, z).as_vec3() + 0.5;
-                    if all || !(n.dot(center - a).abs() > reach) {
+                    if all || n.dot(center - a).abs() <= reach {
                         self.set(x, y, z);
                     }
                 }

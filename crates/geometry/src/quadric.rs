@@ -390,16 +390,9 @@ impl QuadricKind {
         let finite = |x: &[f64]| x.iter().all(|x| x.is_finite());
         match self {
             Self::Sphere { radius, z_min, z_max, phi_max } => {
-                if !(finite(&[radius, phi_max]) && radius > 0.0 && !z_min.is_nan() && !z_max.is_nan()) {
-                    return None;
-                }
-                let (z_min, z_max) = order(z_min, z_max, radius);
-                (z_max > z_min && phi_max > 0.0).then_some(Self::Sphere {
-                    radius,
-                    z_min,
-                    z_max,
-                    phi_max: sweep(phi_max),
-                })
+                let (z_min, z_max) = order(z_min, z_max, radius.max(0.0));
+                (finite(&[radius, phi_max, z_min, z_max]) && radius > 0.0 && z_max > z_min && phi_max > 0.0)
+                    .then_some(Self::Sphere { radius, z_min, z_max, phi_max: sweep(phi_max) })
             }
             Self::Cylinder { radius, z_min, z_max, phi_max } => {
                 let (low, high) = (z_min.min(z_max), z_min.max(z_max));
