@@ -121,8 +121,8 @@ impl ZTest {
     /// Returns the smallest p-value of mean and blocks, corrected for being the smallest of three.
     ///
     /// The three are not independent, so the correction is on the safe side. Unexplained pixels give 0. The tests of single
-    /// pixels are left out: pixels of a path tracer are far from normal, and two correct pictures of a caustic fail them
-    /// (two other renderers' converged pictures of a glass of milk: mean z^2 of pixels 8, of blocks 1.07).
+    /// pixels are left out: pixels of a path tracer are far from normal, and two correct pictures fail them
+    /// (two other renderers' converged pictures of a ball of milk: mean z^2 of the pixels 8, of the blocks 1.07).
     pub fn p(&self) -> f64 {
         if self.unexplained > 0 {
             return 0.0;
