@@ -451,7 +451,7 @@ pub enum FloatTexture {
         wrap: Wrap,
         /// Factor.
         scale: f32,
-        /// 1 - value, before the factor.
+        /// max(0, 1 - scale * value), as in pbrt.
         invert: bool,
         /// Bilinear interpolation rather than the nearest texel.
         bilinear: bool,
@@ -502,7 +502,7 @@ pub enum SpectrumTexture {
         wrap: Wrap,
         /// Factor.
         scale: f32,
-        /// 1 - value, before the factor.
+        /// max(0, 1 - scale * value), as in pbrt.
         invert: bool,
         /// Bilinear interpolation rather than the nearest texel.
         bilinear: bool,
@@ -557,7 +557,7 @@ pub struct ShapeDescription {
     pub reverse_orientation: bool,
     /// Its material.
     pub material: MaterialId,
-    /// `Some` if a MediumInterface was in force that differs on the two sides or was given.
+    /// `Some` if a MediumInterface with different sides is in force; otherwise a ray stays in the medium that it is in.
     pub media: Option<MediumInterface>,
     /// Its emission.
     pub area_light: Option<AreaLightDescription>,

@@ -2,20 +2,23 @@
 //!
 //! Textures and materials are made at the end of the files, as in pbrt; so a name may be used above its definition.
 
+mod finish;
+mod objects;
+mod transforms;
+
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
-use moonmilk_core::glam::{DMat4, DVec3};
+use moonmilk_core::glam::DMat4;
 use moonmilk_render::description::{
-    AreaLightDescription, GeometryDescription, LightDescription, MaterialId, MaterialKind, MediumDescription, MediumId,
-    MediumInterface, Place, SceneDescription, ShapeDescription,
+    AreaLightDescription, GeometryDescription, LightDescription, MediumDescription, MediumId, Place,
 };
 
-use super::camera::{self, Entity};
+use super::camera::Entity;
 use super::context::Context;
 use super::lexer::Spot;
 use super::lights;
-use super::materials::{self, MaterialEntity};
+use super::materials::MaterialEntity;
 use super::media;
 use super::params::{Param, Params, Type, did_you_mean};
 use super::shapes::{self, Alpha, Meshes};
@@ -112,6 +115,8 @@ pub(crate) struct Builder {
     object: Option<(String, Vec<Pending>)>,
     objects: HashMap<String, Vec<Pending>>,
     instances: Vec<(String, Spot, DMat4)>,
+    /// More instances than the options allow.
+    too_many: bool,
 }
 
 impl Builder {
@@ -158,90 +163,8 @@ impl Builder {
             object: None,
             objects: HashMap::new(),
             instances: Vec::new(),
+            too_many: false,
         }
-    }
-
-    // Transforms.
-
-    fn transform(&mut self, change: impl Fn(DMat4) -> DMat4) {
-        for (matrix, active) in self.state.ctm.iter_mut().zip(self.state.active) {
-            if active {
-                *matrix = change(*matrix);
-            }
-        }
-    }
-
-    pub(crate) fn identity(&mut self) {
-        self.transform(|_| DMat4::IDENTITY);
-    }
-
-    pub(crate) fn translate(&mut self, by: [f64; 3]) {
-        self.transform(|m| m * DMat4::from_translation(by.into()));
-    }
-
-    pub(crate) fn scale(&mut self, by: [f64; 3]) {
-        self.transform(|m| m * DMat4::from_scale(by.into()));
-    }
-
-    pub(crate) fn rotate(&mut self, cx: &mut Context, spot: Spot, [degrees, x, y, z]: [f64; 4]) {
-        match DVec3::new(x, y, z).try_normalize() {
-            Some(axis) => self.transform(|m| m * DMat4::from_axis_angle(axis, degrees.to_radians())),
-            None => cx.error(spot, "the axis of Rotate has no direction"),
-        }
-    }
-
-    pub(crate) fn look_at(&mut self, cx: &mut Context, spot: Spot, v: [f64; 9]) {
-        let [eye, at, up] = [0, 3, 6].map(|i| DVec3::new(v[i], v[i + 1], v[i + 2]));
-        let forward = (at - eye).try_normalize();
-        let right = forward.and_then(|f| up.try_normalize()?.cross(f).try_normalize());
-        let (Some(forward), Some(right)) = (forward, right) else {
-            cx.error(spot, "LookAt: the eye is the point looked at, or the up vector is parallel to the view");
-            return;
-        };
-        // Columns of camera to world: right, up, forward, eye.
-        let camera_to_world =
-            DMat4::from_cols(right.extend(0.0), forward.cross(right).extend(0.0), forward.extend(0.0), eye.extend(1.0));
-        self.transform(|m| m * camera_to_world.inverse());
-    }
-
-    /// pbrt writes matrices column by column, the translation last.
-    pub(crate) fn set_transform(&mut self, values: [f64; 16]) {
-        self.transform(|_| DMat4::from_cols_array(&values));
-    }
-
-    pub(crate) fn concat_transform(&mut self, values: [f64; 16]) {
-        self.transform(|m| m * DMat4::from_cols_array(&values));
-    }
-
-    pub(crate) fn transform_times(&mut self, cx: &mut Context, spot: Spot, _: [f64; 2]) {
-        self.before_world(cx, spot, "TransformTimes");
-    }
-
-    pub(crate) fn active_transform(&mut self, start: bool, end: bool) {
-        self.state.active = [start, end];
-    }
-
-    pub(crate) fn coordinate_system(&mut self, name: String) {
-        self.coordinate_systems.insert(name, self.state.ctm);
-    }
-
-    pub(crate) fn coord_sys_transform(&mut self, cx: &mut Context, at: Spot, name: &str) {
-        match self.coordinate_systems.get(name) {
-            Some(ctm) => self.state.ctm = *ctm,
-            None => cx.warn(at, format!("no coordinate system `{name}` is defined: the transform stays as it is")),
-        }
-    }
-
-    /// The transform in force; a moving one counts as it is at the start.
-    fn placement(&self, cx: &mut Context, spot: Spot) -> DMat4 {
-        if self.state.ctm[0] != self.state.ctm[1] {
-            cx.warn_once(spot, "moving objects are not supported yet: they stay where they start");
-        }
-        if !self.state.ctm[0].as_mat4().is_finite() {
-            cx.error(spot, "the transform in force has values that are not finite");
-            return DMat4::IDENTITY;
-        }
-        self.state.ctm[0]
     }
 
     // Blocks.
@@ -252,6 +175,8 @@ impl Builder {
             let (message, help) =
                 (format!("{what} must come after WorldBegin"), "is this file meant to be included by another?");
             if cx.options.syntax_only {
+                // A part of a scene: what it does not define, the other parts may.
+                cx.include_missing = true;
                 cx.warn(spot, format!("{message}; {help}"));
             } else {
                 cx.error_help(spot, message, help);
@@ -379,44 +304,6 @@ impl Builder {
                 Err(_) => cx.error(value, "the seed is an integer"),
             }
         }
-    }
-
-    // Objects.
-
-    pub(crate) fn object_begin(&mut self, cx: &mut Context, spot: Spot, at: Spot, name: String) {
-        self.in_world(cx, spot, "ObjectBegin");
-        self.push(cx, spot, true);
-        if let Some((outer, _)) = &self.object {
-            let message = format!("object `{name}` begins within object `{outer}`");
-            cx.error(spot, message);
-        } else if self.objects.contains_key(&name) {
-            cx.error(at, format!("object `{name}` is defined twice"));
-        } else {
-            self.object = Some((name, Vec::new()));
-        }
-    }
-
-    pub(crate) fn object_end(&mut self, cx: &mut Context, spot: Spot) {
-        if self.stack.len() <= self.floor() || self.stack.last().is_none_or(|s| !s.object) {
-            cx.error(spot, "ObjectEnd without ObjectBegin, or with an attribute block still open");
-            return;
-        }
-        if let Some(saved) = self.stack.pop() {
-            self.state = saved.state;
-        }
-        if let Some((name, shapes)) = self.object.take() {
-            self.objects.insert(name, shapes);
-        }
-    }
-
-    pub(crate) fn object_instance(&mut self, cx: &mut Context, at: Spot, name: String) {
-        self.in_world(cx, at, "ObjectInstance");
-        if self.object.is_some() {
-            cx.error(at, "ObjectInstance cannot stand within ObjectBegin and ObjectEnd");
-            return;
-        }
-        let placement = self.placement(cx, at);
-        self.instances.push((name, at, placement));
     }
 
     // Things.
@@ -560,6 +447,13 @@ impl Builder {
             area_light,
             alpha: form.alpha,
         };
+        if self.shapes.len() >= cx.options.max_shapes {
+            if self.shapes.len() == cx.options.max_shapes {
+                cx.error(spot, format!("the scene has more than {} shapes", cx.options.max_shapes));
+                self.shapes.push(pending);
+            }
+            return;
+        }
         match &mut self.object {
             Some((_, shapes)) => shapes.push(pending),
             None => self.shapes.push(pending),
@@ -616,194 +510,6 @@ impl Builder {
             // A newer value replaces the older one, so that the list stays short.
             list.retain(|p| p.name != param.name || p.ty != param.ty);
             list.push(param);
-        }
-    }
-
-    // The end.
-
-    pub(crate) fn end_of_files(&mut self, cx: &mut Context, last: Spot) {
-        if !self.in_world && !self.misplaced {
-            if cx.options.syntax_only {
-                cx.warn(last, "the file has no WorldBegin");
-            } else if !cx.include_missing {
-                cx.error(last, "the file ends without WorldBegin");
-            }
-        }
-        if let Some(saved) = self.stack.first() {
-            let (what, end) =
-                if saved.object { ("ObjectBegin", "ObjectEnd") } else { ("AttributeBegin", "AttributeEnd") };
-            cx.warn(saved.spot, format!("{what} without {end} until the end of the file (pbrt refuses such a file)"));
-        }
-    }
-
-    fn medium(&self, cx: &mut Context, name: &Name) -> Option<MediumId> {
-        let (name, spot) = name.as_ref()?;
-        let found = self.medium_names.get(&**name).copied();
-        if found.is_none() && !cx.include_missing {
-            let names: Vec<&str> = self.media.iter().map(|m| m.name.as_str()).take(20).collect();
-            cx.error_help(*spot, format!("no medium `{name}` is defined"), did_you_mean(name, &names, "defined"));
-        }
-        found
-    }
-
-    /// Makes the description.
-    pub(crate) fn finish(mut self, cx: &mut Context) -> SceneDescription {
-        let camera_medium = self.medium(cx, &self.camera_medium);
-        let (camera, shutter) = camera::camera(cx, self.camera.take(), self.camera_transform, camera_medium);
-        let film = camera::film(cx, self.film.take(), shutter);
-        let filter = camera::filter(cx, self.filter.take());
-        let sampler = camera::sampler(cx, self.sampler.take(), self.seed);
-        let integrator = camera::integrator(cx, self.integrator.take());
-
-        let entities = std::mem::take(&mut self.texture_entities);
-        self.textures.build(cx, entities);
-        // Named materials come first, as in pbrt; the numbers of the others follow.
-        let first_unnamed = self.named_materials.len();
-        let mut entities = std::mem::take(&mut self.named_materials);
-        entities.append(&mut self.unnamed_materials);
-        let (materials, names) = materials::build(cx, &mut self.textures, entities);
-
-        for (name, spot) in std::mem::take(&mut self.early_materials) {
-            if names.contains_key(&name) {
-                cx.warn(spot, format!("material `{name}` is used above its definition"));
-            }
-        }
-
-        let lights = std::mem::take(&mut self.lights);
-        let lights = lights
-            .into_iter()
-            .map(|(light, medium)| LightDescription { medium: self.medium(cx, &medium), ..light })
-            .collect();
-
-        let mut shapes = Vec::with_capacity(self.shapes.len());
-        let mut reported = HashMap::new();
-        for pending in std::mem::take(&mut self.shapes) {
-            if cx.hopeless() {
-                break;
-            }
-            shapes.push(self.resolve(cx, &pending, &names, first_unnamed, &materials, &mut reported));
-        }
-        self.expand(cx, &mut shapes, &names, first_unnamed, &materials, &mut reported);
-        SceneDescription {
-            camera,
-            film,
-            filter,
-            sampler,
-            integrator,
-            media: self.media,
-            materials,
-            float_textures: self.textures.floats,
-            spectrum_textures: self.textures.spectra,
-            images: self.textures.images.list,
-            shapes,
-            lights,
-        }
-    }
-
-    /// Copies the shapes of objects to where their instances stand.
-    fn expand(
-        &mut self,
-        cx: &mut Context,
-        out: &mut Vec<ShapeDescription>,
-        names: &HashMap<String, MaterialId>,
-        first_unnamed: usize,
-        materials: &[moonmilk_render::description::MaterialDescription],
-        reported: &mut HashMap<Arc<str>, ()>,
-    ) {
-        if let Some((name, shapes)) = self.object.take() {
-            self.objects.insert(name, shapes);
-        }
-        let objects = std::mem::take(&mut self.objects);
-        let mut resolved: HashMap<String, Vec<ShapeDescription>> = HashMap::new();
-        for (name, spot, placement) in std::mem::take(&mut self.instances) {
-            if cx.hopeless() {
-                return;
-            }
-            let Some(shapes) = objects.get(&name) else {
-                if !cx.include_missing {
-                    let mut known: Vec<&str> = objects.keys().map(String::as_str).collect();
-                    known.sort_unstable();
-                    known.truncate(20);
-                    cx.error_help(
-                        spot,
-                        format!("no object `{name}` is defined"),
-                        did_you_mean(&name, &known, "defined"),
-                    );
-                }
-                continue;
-            };
-            if !resolved.contains_key(&name) {
-                let list =
-                    shapes.iter().map(|p| self.resolve(cx, p, names, first_unnamed, materials, reported)).collect();
-                resolved.insert(name.clone(), list);
-            }
-            if out.len() + shapes.len() > cx.options.max_shapes {
-                let message = format!(
-                    "the scene has more than {} shapes once its objects are copied to their instances",
-                    cx.options.max_shapes
-                );
-                if cx.options.syntax_only {
-                    cx.warn(spot, message + ": the rest is left out");
-                } else {
-                    cx.error(spot, message);
-                }
-                return;
-            }
-            let list = resolved.get(&name).map(Vec::as_slice).unwrap_or_default();
-            out.extend(list.iter().zip(shapes).map(|(shape, pending)| ShapeDescription {
-                object_to_world: (placement * pending.object_to_world).as_mat4(),
-                ..shape.clone()
-            }));
-        }
-    }
-
-    fn resolve(
-        &mut self,
-        cx: &mut Context,
-        pending: &Pending,
-        names: &HashMap<String, MaterialId>,
-        first_unnamed: usize,
-        materials: &[moonmilk_render::description::MaterialDescription],
-        reported: &mut HashMap<Arc<str>, ()>,
-    ) -> ShapeDescription {
-        let material = match &pending.material {
-            MaterialRef::Unnamed(n) => first_unnamed + n,
-            MaterialRef::Named(name, spot) => match names.get(&**name) {
-                Some(&id) => id,
-                None => {
-                    // One report per name is enough.
-                    if !cx.include_missing && reported.insert(name.clone(), ()).is_none() {
-                        let mut known: Vec<&str> = names.keys().map(String::as_str).collect();
-                        known.sort_unstable();
-                        let help = did_you_mean(name, &known[..known.len().min(20)], "defined");
-                        cx.error_help(*spot, format!("no material `{name}` is defined"), help);
-                    }
-                    first_unnamed
-                }
-            },
-        };
-        let (inside, outside) = (self.medium(cx, &pending.inside), self.medium(cx, &pending.outside));
-        let mut area_light = pending.area_light.as_deref().cloned();
-        if area_light.is_some() && matches!(materials[material].kind, MaterialKind::Interface) {
-            cx.warn(pending.spot, "an interface does not shine, as in pbrt: its area light is not used");
-            area_light = None;
-        }
-        let alpha = match &pending.alpha {
-            None => None,
-            Some(Alpha::Value(value)) => Some(self.textures.constant(*value)),
-            Some(Alpha::Texture(name, spot)) => self.textures.named_float(cx, name, *spot),
-        };
-        ShapeDescription {
-            place: pending.place.clone(),
-            name: pending.name.to_string(),
-            geometry: pending.geometry.clone(),
-            object_to_world: pending.object_to_world.as_mat4(),
-            reverse_orientation: pending.reverse_orientation,
-            material,
-            // Where both sides are the same, pbrt leaves the ray in the medium that it is in.
-            media: (inside != outside).then_some(MediumInterface { inside, outside }),
-            area_light,
-            alpha,
         }
     }
 }

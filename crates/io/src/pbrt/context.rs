@@ -11,6 +11,9 @@ use super::error::{Excerpt, Problem};
 use super::files::{Files, gunzip};
 use super::lexer::{Source, Spot};
 
+/// Largest number of triangles made of patches and subdivision surfaces in a scene: about 1 GB.
+const MAX_GENERATED: usize = 1 << 25;
+
 /// More problems than this are not worth reading.
 const MAX_PROBLEMS: usize = 100;
 
@@ -24,6 +27,8 @@ pub(crate) struct Context<'f> {
     /// An included file is missing: names that it may have defined are not reported.
     pub include_missing: bool,
     pub hasher: blake3::Hasher,
+    /// Triangles that the loader has made of patches and subdivision surfaces.
+    generated: usize,
     sources: Vec<Arc<Source>>,
     source_of: HashMap<String, u32>,
     hashed: HashSet<String>,
@@ -41,6 +46,7 @@ impl<'f> Context<'f> {
             missing: Vec::new(),
             include_missing: false,
             hasher: blake3::Hasher::new(),
+            generated: 0,
             sources: Vec::new(),
             source_of: HashMap::new(),
             hashed: HashSet::new(),
@@ -52,6 +58,15 @@ impl<'f> Context<'f> {
     /// Whether reading on makes no sense.
     pub(crate) fn hopeless(&self) -> bool {
         self.problems.len() >= MAX_PROBLEMS
+    }
+
+    /// Whether `triangles` more may be generated; otherwise records a problem. A few words of text must not fill the memory.
+    pub(crate) fn may_generate(&mut self, triangles: usize, spot: Spot) -> bool {
+        self.generated = self.generated.saturating_add(triangles);
+        if self.generated > MAX_GENERATED {
+            self.error(spot, format!("patches and subdivision surfaces make more than {MAX_GENERATED} triangles"));
+        }
+        self.generated <= MAX_GENERATED
     }
 
     pub(crate) fn source(&self, id: u32) -> &Arc<Source> {

@@ -222,6 +222,9 @@ fn bilinear_mesh(cx: &mut Context, p: &mut Params) -> Option<Arc<GeometryDescrip
         }
         let first = positions.len() as u32;
         let n = PATCH_CELLS;
+        if !cx.may_generate(2 * (n * n) as usize, p.spot) {
+            return None;
+        }
         for j in 0..=n {
             for i in 0..=n {
                 let (u, v) = (i as f32 / n as f32, j as f32 / n as f32);
@@ -261,6 +264,11 @@ fn loop_subdivision(cx: &mut Context, p: &mut Params) -> Option<Arc<GeometryDesc
         }
     };
     let indices = faces::<3>(cx, p, positions.len())?;
+    // Without overflow: the surface itself refuses more levels.
+    let triangles = indices.len().saturating_mul(4usize.saturating_pow(levels.min(15)));
+    if !cx.may_generate(triangles, p.spot) {
+        return None;
+    }
     match subdivide(positions.into_iter().map(Vec3::as_dvec3).collect(), indices, levels) {
         Ok(fine) => Some(Arc::new(GeometryDescription::Mesh {
             positions: fine.positions.iter().map(|p| p.as_vec3()).collect(),

@@ -83,7 +83,7 @@ pub(crate) fn describe(cx: &mut Context, param: &Param, role: Role) -> Option<Sp
 }
 
 fn samples(cx: &mut Context, values: &[f32], spot: Spot, what: &str) -> Option<Vec<(f32, f32)>> {
-    if values.is_empty() || values.len() % 2 != 0 {
+    if values.is_empty() || !values.len().is_multiple_of(2) {
         cx.error(spot, format!("{what} takes pairs of wavelength [nm] and value, {} numbers given", values.len()));
         return None;
     }

@@ -21,13 +21,13 @@ fn binary(big: bool) -> Vec<u8> {
             out.extend(if big { $value.to_be_bytes() } else { $value.to_le_bytes() })
         };
     }
-    for (i, (x, y)) in [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)].into_iter().enumerate() {
+    for (i, (x, y)) in [(0.0f64, 0.0f64), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)].into_iter().enumerate() {
         put!((x as f32));
         put!((y as f32));
         put!(0.0f32);
         out.push(i as u8 + 1);
-        put!((x as f64));
-        put!((y as f64));
+        put!(x);
+        put!(y);
     }
     for face in [&[0i32, 1, 2][..], &[0, 1, 2, 3]] {
         out.push(face.len() as u8);

@@ -1,0 +1,200 @@
+//! The end of the files: names are looked up, objects copied to their instances, the description made.
+
+use std::collections::{HashMap, HashSet};
+use std::sync::Arc;
+
+use moonmilk_render::description::{
+    LightDescription, MaterialDescription, MaterialId, MaterialKind, MediumId, MediumInterface, SceneDescription,
+    ShapeDescription,
+};
+
+use super::super::camera;
+use super::super::context::Context;
+use super::super::lexer::Spot;
+use super::super::materials;
+use super::super::params::did_you_mean;
+use super::super::shapes::Alpha;
+use super::{Builder, MaterialRef, Name, Pending};
+
+/// The scene's materials, for shapes that refer to them.
+struct Known {
+    list: Vec<MaterialDescription>,
+    names: HashMap<String, MaterialId>,
+    first_unnamed: usize,
+    /// Unknown names that have been reported: one report per name is enough.
+    reported: HashSet<Arc<str>>,
+}
+
+impl Builder {
+    pub(crate) fn end_of_files(&mut self, cx: &mut Context, last: Spot) {
+        if !self.in_world && !self.misplaced {
+            if cx.options.syntax_only {
+                cx.warn(last, "the file has no WorldBegin");
+            } else if !cx.include_missing {
+                cx.error(last, "the file ends without WorldBegin");
+            }
+        }
+        if let Some(saved) = self.stack.first() {
+            let (what, end) =
+                if saved.object { ("ObjectBegin", "ObjectEnd") } else { ("AttributeBegin", "AttributeEnd") };
+            cx.warn(saved.spot, format!("{what} without {end} until the end of the file (pbrt refuses such a file)"));
+        }
+    }
+
+    fn medium(&self, cx: &mut Context, name: &Name) -> Option<MediumId> {
+        let (name, spot) = name.as_ref()?;
+        let found = self.medium_names.get(&**name).copied();
+        if found.is_none() && !cx.include_missing {
+            let names: Vec<&str> = self.media.iter().map(|m| m.name.as_str()).take(20).collect();
+            cx.error_help(*spot, format!("no medium `{name}` is defined"), did_you_mean(name, &names, "defined"));
+        }
+        found
+    }
+
+    /// Makes the description.
+    pub(crate) fn finish(mut self, cx: &mut Context) -> SceneDescription {
+        let camera_medium = self.medium(cx, &self.camera_medium);
+        let (camera, shutter) = camera::camera(cx, self.camera.take(), self.camera_transform, camera_medium);
+        let film = camera::film(cx, self.film.take(), shutter);
+        let filter = camera::filter(cx, self.filter.take());
+        let sampler = camera::sampler(cx, self.sampler.take(), self.seed);
+        let integrator = camera::integrator(cx, self.integrator.take());
+
+        let entities = std::mem::take(&mut self.texture_entities);
+        self.textures.build(cx, entities);
+        // Named materials come first, as in pbrt; the numbers of the others follow.
+        let first_unnamed = self.named_materials.len();
+        let mut entities = std::mem::take(&mut self.named_materials);
+        entities.append(&mut self.unnamed_materials);
+        let (list, names) = materials::build(cx, &mut self.textures, entities);
+        let mut known = Known { list, names, first_unnamed, reported: HashSet::new() };
+
+        for (name, spot) in std::mem::take(&mut self.early_materials) {
+            if known.names.contains_key(&name) {
+                cx.warn(spot, format!("material `{name}` is used above its definition"));
+            }
+        }
+
+        let lights = std::mem::take(&mut self.lights);
+        let lights = lights
+            .into_iter()
+            .map(|(light, medium)| LightDescription { medium: self.medium(cx, &medium), ..light })
+            .collect();
+
+        let mut shapes = Vec::with_capacity(self.shapes.len());
+        for pending in std::mem::take(&mut self.shapes) {
+            if cx.hopeless() {
+                break;
+            }
+            shapes.push(self.resolve(cx, &pending, &mut known));
+        }
+        self.expand(cx, &mut shapes, &mut known);
+        SceneDescription {
+            camera,
+            film,
+            filter,
+            sampler,
+            integrator,
+            media: self.media,
+            materials: known.list,
+            float_textures: self.textures.floats,
+            spectrum_textures: self.textures.spectra,
+            images: self.textures.images.list,
+            shapes,
+            lights,
+        }
+    }
+
+    /// Copies the shapes of objects to where their instances stand.
+    fn expand(&mut self, cx: &mut Context, out: &mut Vec<ShapeDescription>, known: &mut Known) {
+        if let Some((name, shapes)) = self.object.take() {
+            self.objects.insert(name, shapes);
+        }
+        let objects = std::mem::take(&mut self.objects);
+        let mut resolved: HashMap<String, Vec<ShapeDescription>> = HashMap::new();
+        for (name, spot, placement) in std::mem::take(&mut self.instances) {
+            if cx.hopeless() {
+                return;
+            }
+            let Some(shapes) = objects.get(&name) else {
+                if !cx.include_missing {
+                    let mut defined: Vec<&str> = objects.keys().map(String::as_str).collect();
+                    defined.sort_unstable();
+                    defined.truncate(20);
+                    cx.error_help(
+                        spot,
+                        format!("no object `{name}` is defined"),
+                        did_you_mean(&name, &defined, "defined"),
+                    );
+                }
+                continue;
+            };
+            if !resolved.contains_key(&name) {
+                let list = shapes.iter().map(|p| self.resolve(cx, p, known)).collect();
+                resolved.insert(name.clone(), list);
+            }
+            if self.too_many || out.len() + shapes.len() > cx.options.max_shapes {
+                let message = format!(
+                    "the scene has more than {} shapes once its objects are copied to their instances",
+                    cx.options.max_shapes
+                );
+                if cx.options.syntax_only {
+                    cx.warn(spot, message + ": the rest is left out");
+                } else {
+                    cx.error(spot, message);
+                }
+                return;
+            }
+            if shapes.iter().any(|s| !(placement * s.object_to_world).as_mat4().is_finite()) {
+                cx.error(spot, "the transform of this instance has values that are not finite");
+                continue;
+            }
+            let list = resolved.get(&name).map(Vec::as_slice).unwrap_or_default();
+            out.extend(list.iter().zip(shapes).map(|(shape, pending)| ShapeDescription {
+                object_to_world: (placement * pending.object_to_world).as_mat4(),
+                ..shape.clone()
+            }));
+        }
+    }
+
+    fn resolve(&mut self, cx: &mut Context, pending: &Pending, known: &mut Known) -> ShapeDescription {
+        let material = match &pending.material {
+            MaterialRef::Unnamed(n) => known.first_unnamed + n,
+            MaterialRef::Named(name, spot) => match known.names.get(&**name) {
+                Some(&id) => id,
+                None => {
+                    if !cx.include_missing && known.reported.insert(name.clone()) {
+                        let mut defined: Vec<&str> = known.names.keys().map(String::as_str).collect();
+                        defined.sort_unstable();
+                        let help = did_you_mean(name, &defined[..defined.len().min(20)], "defined");
+                        cx.error_help(*spot, format!("no material `{name}` is defined"), help);
+                    }
+                    known.first_unnamed
+                }
+            },
+        };
+        let (inside, outside) = (self.medium(cx, &pending.inside), self.medium(cx, &pending.outside));
+        let mut area_light = pending.area_light.as_deref().cloned();
+        if area_light.is_some() && matches!(known.list[material].kind, MaterialKind::Interface) {
+            cx.warn(pending.spot, "an interface does not shine, as in pbrt: its area light is not used");
+            area_light = None;
+        }
+        let alpha = match &pending.alpha {
+            None => None,
+            Some(Alpha::Value(value)) => Some(self.textures.constant(*value)),
+            Some(Alpha::Texture(name, spot)) => self.textures.named_float(cx, name, *spot),
+        };
+        ShapeDescription {
+            place: pending.place.clone(),
+            name: pending.name.to_string(),
+            geometry: pending.geometry.clone(),
+            object_to_world: pending.object_to_world.as_mat4(),
+            reverse_orientation: pending.reverse_orientation,
+            material,
+            // Where both sides are the same, pbrt leaves the ray in the medium that it is in.
+            media: (inside != outside).then_some(MediumInterface { inside, outside }),
+            area_light,
+            alpha,
+        }
+    }
+}

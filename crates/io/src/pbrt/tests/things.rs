@@ -1,0 +1,228 @@
+//! Shapes, materials, media, lights, textures.
+
+use super::*;
+
+#[test]
+fn meshes_are_read_and_checked() {
+    let shape = only_shape(
+        "Shape \"trianglemesh\" \"point3 P\" [0 0 0  1 0 0  0 1 0] \"normal N\" [0 0 1 0 0 1 0 0 1] \"point2 uv\" [0 0 1 0 0 1]",
+    );
+    let GeometryDescription::Mesh { positions, normals, uvs, indices } = &*shape.geometry else { panic!("a mesh") };
+    assert_eq!((positions.len(), normals.len(), uvs.len(), indices.as_slice()), (3, 3, 3, &[[0, 1, 2]][..]));
+    let (text, _) =
+        problem("WorldBegin Shape \"trianglemesh\" \"integer indices\" [0 1 3] \"point3 P\" [0 0 0  1 0 0  0 1 0]");
+    assert_eq!(text, "scene.pbrt:1:42: entry 2 of `indices` is 3, but the vertices are 0 to 2");
+}
+
+#[test]
+fn bilinear_patches_become_triangles_that_face_the_same_way() {
+    let shape = only_shape("Shape \"bilinearmesh\" \"point3 P\" [0 0 0  1 0 0  0 1 0  1 1 0]");
+    let GeometryDescription::Mesh { positions, indices, uvs, .. } = &*shape.geometry else { panic!("a mesh") };
+    assert_eq!((indices.len(), uvs.len()), (2, 4));
+    for [a, b, c] in indices.iter().map(|t| t.map(|i| positions[i as usize])) {
+        assert_eq!((b - a).cross(c - a), Vec3::Z);
+    }
+    let twisted = only_shape("Shape \"bilinearmesh\" \"point3 P\" [0 0 0  1 0 0  0 1 0  1 1 1]");
+    let GeometryDescription::Mesh { positions, indices, .. } = &*twisted.geometry else { panic!("a mesh") };
+    assert_eq!(indices.len(), 128);
+    // Points of the patch z = x y: rounding only.
+    assert!(positions.iter().all(|p| (p.z - p.x * p.y).abs() < 1e-6));
+}
+
+#[test]
+fn quadrics_and_alpha_are_read() {
+    let scene = world(
+        "Texture \"a\" \"float\" \"constant\" \"float value\" 0.25\nShape \"sphere\" \"float radius\" 2 \"float zmin\" -1 \"texture alpha\" \"a\"\nShape \"disk\" \"float height\" 3 \"float innerradius\" 0.5\nShape \"cylinder\" \"float phimax\" 90 \"float alpha\" 0.5",
+    )
+    .scene;
+    assert!(matches!(
+        *scene.shapes[0].geometry,
+        GeometryDescription::Sphere { radius: 2.0, z_min: -1.0, z_max: 2.0, phi_max: 360.0 }
+    ));
+    assert!(matches!(
+        *scene.shapes[1].geometry,
+        GeometryDescription::Disk { height: 3.0, radius: 1.0, inner_radius: 0.5, .. }
+    ));
+    assert!(matches!(
+        *scene.shapes[2].geometry,
+        GeometryDescription::Cylinder { z_min: -1.0, z_max: 1.0, phi_max: 90.0, .. }
+    ));
+    let alphas: Vec<Option<f32>> = scene
+        .shapes
+        .iter()
+        .map(|s| s.alpha.map(|a| if let FloatTexture::Constant(v) = scene.float_textures[a] { v } else { -1.0 }))
+        .collect();
+    assert_eq!(alphas, [Some(0.25), None, Some(0.5)]);
+}
+
+#[test]
+fn subdivision_surfaces_are_refined() {
+    let text = "Shape \"loopsubdiv\" \"integer levels\" 2 \"point3 P\" [1 1 1  -1 -1 1  -1 1 -1  1 -1 -1] \"integer indices\" [0 1 2 0 3 1 0 2 3 1 3 2]";
+    let GeometryDescription::Mesh { indices, positions, normals, .. } = &*only_shape(text).geometry else {
+        panic!("a mesh")
+    };
+    assert_eq!(indices.len(), 64);
+    assert_eq!(normals.len(), positions.len());
+}
+
+#[test]
+fn every_form_of_subsurface_is_read() {
+    let of = |parameters: &str| {
+        let scene = world(&format!(
+            "Texture \"t\" \"spectrum\" \"constant\" \"rgb value\" [.1 .2 .3]\nMaterial \"subsurface\" {parameters}"
+        ))
+        .scene;
+        let MaterialKind::Subsurface { medium, scale, g, eta, .. } = scene.materials[1].kind.clone() else {
+            panic!("subsurface")
+        };
+        let value = |id: usize| {
+            if let SpectrumTexture::Constant(v) = &scene.spectrum_textures[id] { v.clone() } else { panic!("constant") }
+        };
+        let (first, pair) = match medium {
+            SubsurfaceMedium::Coefficients { sigma_a, sigma_s } => (true, (value(sigma_a), value(sigma_s))),
+            SubsurfaceMedium::Reflectance { reflectance, mfp } => (false, (value(reflectance), value(mfp))),
+        };
+        (first, pair, scale, g, eta)
+    };
+    use SpectrumDescription::{Constant, Rgb};
+    let default = (Rgb([0.0011, 0.0024, 0.014]), Rgb([2.55, 3.21, 3.77]));
+    assert_eq!(of(""), (true, default, 1.0, 0.0, 1.33));
+    let marble = (Rgb([0.0021, 0.0041, 0.0071]), Rgb([2.19, 2.62, 3.0]));
+    assert_eq!(of("\"string name\" \"Marble\" \"float g\" 0.8 \"float scale\" 10"), (true, marble, 10.0, 0.0, 1.33));
+    let given = (Rgb([1.0, 2.0, 3.0]), Constant(0.0));
+    let (_, pair, _, g, eta) =
+        of("\"rgb sigma_a\" [1 2 3] \"spectrum sigma_s\" [400 1 700 1] \"float g\" 0.5 \"float eta\" 1.5");
+    assert_eq!(
+        (pair.0, pair.1, g, eta),
+        (given.0, SpectrumDescription::Sampled(vec![(400.0, 1.0), (700.0, 1.0)]), 0.5, 1.5)
+    );
+    assert_eq!(of("\"texture reflectance\" \"t\"").1, (Rgb([0.1, 0.2, 0.3]), Constant(1.0)));
+    assert_eq!(of("\"rgb reflectance\" [.5 .5 .5] \"rgb mfp\" [1 2 3]").1, (Rgb([0.5; 3]), Rgb([1.0, 2.0, 3.0])));
+    let (text, _) = problem("WorldBegin Material \"subsurface\" \"rgb sigma_a\" [1 1 1]");
+    assert_eq!(text, "scene.pbrt:1:48: `sigma_a` is given without `sigma_s`");
+}
+
+#[test]
+fn all_materials_of_pbrt_are_known() {
+    let kinds = [
+        "",
+        "none",
+        "interface",
+        "diffuse",
+        "coateddiffuse",
+        "coatedconductor",
+        "conductor",
+        "dielectric",
+        "thindielectric",
+        "diffusetransmission",
+        "subsurface",
+        "hair",
+        "measured",
+    ];
+    for kind in kinds {
+        let loaded = world(&format!("Material \"{kind}\" Shape \"sphere\""));
+        let stand_in = matches!(loaded.scene.materials[1].kind, MaterialKind::StandIn { .. });
+        assert_eq!(stand_in, matches!(kind, "hair" | "measured"), "{kind}");
+        assert_eq!(loaded.warnings.len(), usize::from(stand_in), "{kind}");
+    }
+    let scene = world("MakeNamedMaterial \"a\" \"string type\" \"diffuse\" MakeNamedMaterial \"b\" \"string type\" \"dielectric\" \"spectrum eta\" \"glass-BK7\"\nMaterial \"mix\" \"string materials\" [\"a\" \"b\"] \"float amount\" 0.3").scene;
+    assert!(matches!(scene.materials[3].kind, MaterialKind::Mix { materials: [0, 1], .. }));
+    assert!(
+        matches!(&scene.materials[1].kind, MaterialKind::Dielectric { eta: SpectrumDescription::Named(n), .. } if n == "glass-BK7")
+    );
+}
+
+#[test]
+fn media_lie_where_the_interface_says() {
+    let scene = world(
+        "MakeNamedMedium \"m\" \"string type\" \"homogeneous\" \"rgb sigma_a\" [1 1 1] \"rgb sigma_s\" [2 2 2] \"float g\" .5 \"float scale\" 3 \"blackbody Le\" 3000\nMakeNamedMedium \"n\" \"string type\" \"homogeneous\" \"string preset\" \"Wholemilk\"
+        MediumInterface \"m\" \"n\" Shape \"sphere\" MediumInterface \"m\" \"\" Shape \"sphere\" MediumInterface \"m\" Shape \"sphere\" MediumInterface \"\" \"\" Shape \"sphere\"",
+    )
+    .scene;
+    let media: Vec<_> = scene.shapes.iter().map(|s| s.media.map(|m| (m.inside, m.outside))).collect();
+    assert_eq!(media, [Some((Some(0), Some(1))), Some((Some(0), None)), None, None]);
+    let MediumKind::Homogeneous { scale, g, emission, .. } = &scene.media[0].kind;
+    assert_eq!((*scale, *g, emission.clone()), (3.0, 0.5, Some((SpectrumDescription::Blackbody(3000.0), 1.0))));
+}
+
+#[test]
+fn lights_resolve_power_and_illuminance() {
+    let light = |text: &str| world(text).scene.lights[0].clone();
+    let four_pi = 4.0 * std::f32::consts::PI;
+    assert!(
+        (light("LightSource \"point\" \"float power\" 100 \"float scale\" 2").scale - 200.0 / four_pi).abs() < 1e-5
+    );
+    assert_eq!(light("LightSource \"distant\" \"float illuminance\" 7").scale, 7.0);
+    assert!(
+        (light("LightSource \"infinite\" \"rgb L\" [1 1 1] \"float illuminance\" 3").scale
+            - 3.0 / std::f32::consts::PI)
+            .abs()
+            < 1e-6
+    );
+    let LightKind::Spot { cone_angle, cone_delta_angle, to, .. } =
+        light("LightSource \"spot\" \"point3 to\" [0 1 0]").kind
+    else {
+        panic!("spot")
+    };
+    assert_eq!((cone_angle, cone_delta_angle, to), (30.0, 5.0, Vec3::Y));
+    let shape = only_shape(
+        "AreaLightSource \"diffuse\" \"rgb L\" [4 4 4] \"float power\" 60 \"bool twosided\" true Shape \"sphere\"",
+    );
+    let area = shape.area_light.expect("a light");
+    assert_eq!(
+        (area.radiance, area.power, area.two_sided, area.scale),
+        (SpectrumDescription::Rgb([4.0; 3]), Some(60.0), true, 1.0)
+    );
+    assert!(world("AreaLightSource \"diffuse\"").scene.shapes.is_empty());
+}
+
+#[test]
+fn the_octahedral_map_has_equal_areas() {
+    let n = 64;
+    let picture = ImageDescription {
+        name: String::new(),
+        width: n,
+        height: n,
+        rgb: vec![[1.0; 3]; (n * n) as usize],
+        alpha: Vec::new(),
+    };
+    // A uniform sky of luminance 1 lights a plane with pi; pbrt's factor counts half of it (midpoint rule on 64 x 64 texels: 1e-3).
+    let files = Memory(HashMap::from([
+        ("s", b"WorldBegin LightSource \"infinite\" \"string filename\" \"sky.hdr\" \"float illuminance\" 1".to_vec()),
+        ("sky.hdr", hdr(&picture)),
+    ]));
+    let light = load_with(&files, "s", &Options::default()).unwrap_or_else(|e| panic!("{e}")).scene.lights[0].clone();
+    assert!((light.scale * std::f32::consts::FRAC_PI_2 - 1.0).abs() < 1e-3, "{}", light.scale);
+}
+
+/// A Radiance file without run lengths.
+fn hdr(picture: &ImageDescription) -> Vec<u8> {
+    let mut bytes =
+        format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {} +X {}\n", picture.height, picture.width).into_bytes();
+    for rgb in &picture.rgb {
+        // Exponent 129 stands for mantissa / 128.
+        bytes.extend(rgb.map(|c| (c * 128.0) as u8));
+        bytes.push(129);
+    }
+    bytes
+}
+
+#[test]
+fn textures_are_made_and_constants_shared() {
+    let scene = world(
+        "Texture \"c\" \"spectrum\" \"checkerboard\" \"float uscale\" 4 \"rgb tex1\" [1 0 0] \"rgb tex2\" [1 0 0]
+        Material \"diffuse\" \"texture reflectance\" \"c\"",
+    )
+    .scene;
+    let MaterialKind::Diffuse { reflectance } = scene.materials[1].kind else { panic!("diffuse") };
+    let SpectrumTexture::Checkerboard { a, b, mapping: TextureMapping::Uv { scale, .. } } =
+        &scene.spectrum_textures[reflectance]
+    else {
+        panic!("checkerboard")
+    };
+    assert_eq!((a, scale.x), (b, 4.0));
+    assert!(matches!(
+        scene.spectrum_textures[*a],
+        SpectrumTexture::Constant(SpectrumDescription::Rgb([1.0, 0.0, 0.0]))
+    ));
+}
