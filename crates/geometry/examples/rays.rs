@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use moonmilk_core::{Random, Stream, Vec3};
 use moonmilk_geometry::bvh::{Quality, Search};
-use moonmilk_geometry::{Accel, Clearance, Facing, Ray, Shape, clearance, generate};
+use moonmilk_geometry::{Accel, Clearance, Facing, NONE, Ray, Shape, clearance, generate};
 
 fn direction(r: &mut Stream) -> Vec3 {
     let (z, phi) = (2.0 * r.uniform() - 1.0, std::f32::consts::TAU * r.uniform());
@@ -25,6 +25,32 @@ fn rate(name: &str, accel: &Accel, rays: &[Ray]) {
         "  {name:<34} {:6.2} Mray/s  ({:.4} hit)",
         rays.len() as f64 / best * 1e-6,
         hits as f64 / rays.len() as f64
+    );
+}
+
+/// Prints the time per segment of a random walk inside: flights, collisions, specular reflection at the wall.
+fn walk(accel: &Accel, mfp: f32) {
+    let body = accel.body(0..1);
+    let mut r = Stream::new(&[2]);
+    let (mut p, mut d, mut skip) = (Vec3::ZERO, Vec3::X, NONE);
+    let (count, mut walls, mut rescued) = (1_000_000, 0, 0);
+    let start = Instant::now();
+    for _ in 0..count {
+        let t = -mfp * r.uniform().ln();
+        let ray = Ray::new(p, d).up_to(t).from_prim(skip).facing(Facing::Exiting(body));
+        match accel.nearest(&ray) {
+            None => (p, d, skip) = (ray.at(t), direction(&mut r), NONE),
+            Some(hit) => {
+                let (q, n) = accel.point_and_normal(&ray, &hit);
+                walls += 1;
+                rescued += u32::from(hit.rescued);
+                (p, d, skip) = (q, (d - n * (2.0 * d.dot(n))).normalize(), hit.prim);
+            }
+        }
+    }
+    let ns = start.elapsed().as_secs_f64() * 1e9 / f64::from(count);
+    println!(
+        "  walk, mean free path {mfp}: {ns:.0} ns per segment ({walls} at the wall, {rescued} rescued; ends at {p})"
     );
 }
 
@@ -73,19 +99,21 @@ fn main() {
         // Start short segments at points below the surface.
         let body = accel.body(0..1);
         let mut short = Vec::new();
-        let mut walk = Vec::new();
+        let mut walk_rays = Vec::new();
         for ray in &inside {
             let Some(hit) = accel.nearest(ray) else {
                 continue;
             };
             let below = Ray::new(ray.at(hit.t * 0.99), direction(&mut r)).up_to(0.02);
             short.push(below);
-            walk.push(below.facing(Facing::Exiting(body)));
+            walk_rays.push(below.facing(Facing::Exiting(body)));
         }
         rate("inside out", &accel, &inside);
         rate("outside, incoherent", &accel, &outside);
         rate("short (0.02) below the surface", &accel, &short);
-        rate("the same, exits only", &accel, &walk);
+        rate("the same, exits only", &accel, &walk_rays);
+        walk(&accel, 0.02);
+        walk(&accel, 0.2);
     }
 
     let shape = Shape::from(mesh);

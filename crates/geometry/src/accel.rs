@@ -32,6 +32,7 @@ pub struct Accel {
     bounds: Vec<Bounds>,
     pub(crate) bvh: CwBvh,
     pub(crate) leaves: Vec<Leaf>,
+    only_quadrics: bool,
 }
 
 /// A crossing that counts; `t` may still be below 0.
@@ -87,7 +88,8 @@ impl Accel {
         };
         let leaves = bvh.primitive_indices.iter().map(leaf).collect();
         let bvh = CwBvh { primitive_indices: Vec::new(), ..bvh };
-        Self { shapes, first, bounds, bvh, leaves }
+        let only_quadrics = shapes.iter().all(|s| s.quadric().is_some());
+        Self { shapes, first, bounds, bvh, leaves, only_quadrics }
     }
 
     /// Returns the shapes, in the order given.
@@ -290,6 +292,16 @@ impl Accel {
             Facing::Exiting(b) if ray.skip == NONE => ray.t_min - BEHIND * b.slack,
             _ => ray.t_min,
         };
+        if self.only_quadrics && self.bvh.nodes.is_empty() {
+            // A few quadrics: nothing to project.
+            let mut t_max = ray.t_max;
+            for leaf in &self.leaves {
+                if self.try_quadric(leaf, ray, low, &mut t_max, &mut visit) {
+                    return;
+                }
+            }
+            return;
+        }
         let projection = Projection::new(ray.o, ray.d);
         let mut try_leaf = |leaf: &Leaf, t_max: &mut f32| {
             if leaf.is_quadric() {

@@ -33,7 +33,7 @@
 //!    inward, but if rounding lifted the start by h, the ray passes above the edge by h and misses both: accepting
 //!    negative `t` does not help (B's plane is met above its edge), and would produce false exits at concave edges. The
 //!    test that tells is how deep below A the ray passes A's edge. If that is more than the slack, rounding cannot matter.
-//!    If less (about one start in 1e5), the side is found by counting crossings along the whole line: exits minus entries
+//!    If less (one start in 1e3 to 1e5, by the size of the triangles), the side is found by counting crossings along the whole line: exits minus entries
 //!    are 1 from inside and 0 from outside, by the exactness of point 2 above. A start on the wrong side leaves the body at
 //!    the closest point of a triangle that faces the right way ([`Hit::rescued`]).
 //!

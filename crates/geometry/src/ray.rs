@@ -102,7 +102,7 @@ pub struct Hit {
     /// Whether the ray leaves through the surface here (`d . ng > 0`), decided by the same exact test that found the hit.
     pub exiting: bool,
     /// Whether rounding had put the origin on the wrong side of the body, so that this is the closest point that faces
-    /// the right way instead of a crossing. Worth counting: more than one in 1e5 says that the body is not closed.
+    /// the right way instead of a crossing. Worth counting: more than one in 1e4 says that the body is not closed.
     pub rescued: bool,
 }
 
