@@ -3,7 +3,7 @@
 mod damage;
 mod directives;
 mod errors;
-mod real;
+mod real_tests;
 mod things;
 
 use std::borrow::Cow;
