@@ -45,6 +45,12 @@ impl<const N: usize> Spectrum<N> {
         self.0.iter().copied().fold(f32::NEG_INFINITY, f32::max)
     }
 
+    /// Returns the smallest lane.
+    #[inline]
+    pub fn min_value(self) -> f32 {
+        self.0.iter().copied().fold(f32::INFINITY, f32::min)
+    }
+
     /// Returns whether every lane is zero.
     #[inline]
     pub fn is_black(self) -> bool {

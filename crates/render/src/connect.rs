@@ -6,7 +6,7 @@ use moonmilk_walk::{Medium, Tally, Walker};
 
 use crate::bsdf::Shaded;
 use crate::integrator::{Counters, Light, Path};
-use crate::interior::{Nest, Standing};
+use crate::interior::{Interior, Nest, Standing};
 use crate::lights::LightSample;
 use crate::scene::{Boundary, Object, Scene};
 use crate::texture::TexturePoint;
@@ -16,6 +16,9 @@ const END: f32 = 1.0 - 1e-4;
 
 /// Most index-matched surfaces that one shadow ray may pass.
 const MOST_CROSSINGS: u32 = 1 << 14;
+
+/// Least probability of looking for light at a collision: bounds the weights where lights may hide inside the body.
+const LEAST: f32 = 0.02;
 
 /// A place from which light is looked for.
 #[derive(Clone, Copy)]
@@ -173,6 +176,7 @@ pub(crate) struct InMedium<'a, 'b, const N: usize> {
     pub wavelengths: &'a Wavelengths<N>,
     pub light: &'b mut Light<N>,
     pub counters: &'b mut Counters,
+    pub interior: &'b Interior<'a>,
     pub inside: Nest,
     pub connects: bool,
 }
@@ -184,7 +188,14 @@ impl<const N: usize> Tally<N, Sampler> for InMedium<'_, '_, N> {
             self.light.add(walker.collisions - 1, arrived * medium.sigma_a * emission);
         }
         if self.connects {
-            self.sample_light(walker, medium, arrived * medium.sigma_s, rng);
+            // Look for light less often where little can come through: the transmittance to the wall, at most
+            // exp(-sigma_t room), is the probability; dividing by it keeps the mean.
+            let room = self.interior.room_at(walker.p);
+            let through = (-medium.sigma_t.min_value() * room).exp().min(1.0);
+            let probability = if through > 0.5 { 1.0 } else { (2.0 * through).max(LEAST) };
+            if probability == 1.0 || rng.uniform() < probability {
+                self.sample_light(walker, medium, arrived * medium.sigma_s * (1.0 / probability), rng);
+            }
         }
     }
 

@@ -205,7 +205,7 @@ impl Integrator {
         let collisions = path.walker.collisions;
         let limit = self.max_depth.map_or(u32::MAX, |m| m - path.depth.min(m));
         let connects = !scene.lights.is_empty() && interior.connects();
-        let mut tally = connect::InMedium { scene, wavelengths, light, counters, inside: path.inside, connects };
+        let mut tally = connect::InMedium { scene, wavelengths, light, counters, interior: &interior, inside: path.inside, connects };
         let limits = classic::Limits { roulette: self.roulette, collisions: collisions.saturating_add(limit) };
         let outcome = classic::walk(&interior, &medium, &limits, &mut path.walker, &mut tally, rng);
         counters.segments += interior.segments();

@@ -117,6 +117,12 @@ impl<'a> Interior<'a> {
         self.segments.get()
     }
 
+    /// Returns a lower bound of the distance from p to any surface.
+    #[inline]
+    pub fn room_at(&self, p: Vec3) -> f32 {
+        self.clearance.map_or(0.0, |c| c.bound(p))
+    }
+
     /// Returns whether light sampling inside can reach anything.
     pub fn connects(&self) -> bool {
         self.object.is_none_or(|i| self.scene.objects[i as usize].connects)
