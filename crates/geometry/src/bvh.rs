@@ -2,7 +2,7 @@
 //!
 //! obvhs' own box test starts at an absolute distance of 1e-4, takes the reciprocal of small direction components as
 //! 2^23 and has no margin for rounding, so it loses hits near the origin, in small scenes and at box edges. Ours is
-//! [`hit_children`]: every bound is moved outward by [`MARGIN`] times the coordinates that enter it, which covers
+//! `hit_children`: every bound is moved outward by `MARGIN` times the coordinates that enter it, which covers
 //! the rounding of the box test and of the triangle test at any scale.
 //!
 //! Large scenes are cut into eight parts of equal size that are built on their own (in parallel, with an eighth of the

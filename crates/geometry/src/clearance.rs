@@ -6,7 +6,7 @@
 //! 1. Mark the cells that a surface passes through (never too few).
 //! 2. For every cell, find the squared distance of the nearest marked cell as boxes, not as centres: per axis
 //!    `max(|i - j| - 1, 0)`, which is the plain distance to the marks grown by one cell, so that the separable exact
-//!    Euclidean distance transform [Felzenszwalb2012] applies.
+//!    Euclidean distance transform \[Felzenszwalb2012\] applies.
 //! 3. Store it in a byte, rounded down, on a quadratic scale (fine near the surface).
 //!
 //! Balls need no grid: their distance is in closed form.
@@ -68,7 +68,7 @@ impl Clearance {
         Self { bounds, balls, grid }
     }
 
-    /// Returns a lower bound of the distance from p to the surfaces [L]; 0 outside the box, and for NaN.
+    /// Returns a lower bound of the distance from p to the surfaces \[L\]; 0 outside the box, and for NaN.
     #[inline]
     pub fn bound(&self, p: Vec3) -> f32 {
         let mut d = match &self.grid {

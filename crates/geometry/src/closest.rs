@@ -10,7 +10,7 @@ use crate::triangle::{Leaf, closest_on_triangle};
 /// The closest point of a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Closest {
-    /// Distance to it [L].
+    /// Distance to it \[L\].
     pub distance: f32,
     /// The point.
     pub p: Vec3,

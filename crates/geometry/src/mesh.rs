@@ -62,7 +62,7 @@ pub struct Mesh {
 }
 
 impl Mesh {
-    /// Returns a mesh of positions [n], normals [n or 0], texture coordinates [n or 0] and triangles.
+    /// Returns a mesh of positions \[n\], normals [n or 0], texture coordinates [n or 0] and triangles.
     ///
     /// Normals need not be of unit length; a zero normal counts as absent at that vertex.
     ///

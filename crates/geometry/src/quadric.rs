@@ -22,7 +22,7 @@ pub enum QuadricKind {
         z_min: f64,
         /// Upper cut.
         z_max: f64,
-        /// Sweep around z [radians].
+        /// Sweep around z \[radians\].
         phi_max: f64,
     },
     /// Cylinder around the z axis, without caps.
@@ -33,7 +33,7 @@ pub enum QuadricKind {
         z_min: f64,
         /// Upper end.
         z_max: f64,
-        /// Sweep around z [radians].
+        /// Sweep around z \[radians\].
         phi_max: f64,
     },
     /// Disk or ring across the z axis; its normal is +z.
@@ -44,7 +44,7 @@ pub enum QuadricKind {
         radius: f64,
         /// Radius of the hole.
         inner_radius: f64,
-        /// Sweep around z [radians].
+        /// Sweep around z \[radians\].
         phi_max: f64,
     },
 }

@@ -14,7 +14,7 @@ pub struct Body {
     pub first: u32,
     /// One past the last primitive.
     pub end: u32,
-    /// How far a point of the body may be off by rounding [L]: 8 units in the last place of the body's largest coordinate.
+    /// How far a point of the body may be off by rounding \[L\]: 8 units in the last place of the body's largest coordinate.
     pub slack: f32,
 }
 
@@ -89,7 +89,7 @@ impl Ray {
 /// Where a ray meets a primitive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
-    /// Distance along the ray [L]; never below 0.
+    /// Distance along the ray \[L\]; never below 0.
     pub t: f32,
     /// Number of the primitive in the whole scene (pass it on as [`Ray::skip`]).
     pub prim: u32,

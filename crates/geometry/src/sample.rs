@@ -5,7 +5,7 @@ use std::f32::consts::{PI, TAU};
 use moonmilk_core::{Frame, Vec3};
 
 /// Returns a point of a triangle, uniform by area, with the barycentric weights of the second and third corner
-/// [Heitz2019]; its density is 1 / area.
+/// \[Heitz2019\]; its density is 1 / area.
 #[inline]
 pub fn sample_triangle([a, b, c]: [Vec3; 3], u: [f32; 2]) -> (Vec3, [f32; 2]) {
     // Fold the unit square onto the triangle with little distortion.
@@ -50,7 +50,7 @@ fn sphere_cone(p: Vec3, center: Vec3, radius: f32) -> Option<(Vec3, f32)> {
     Some((axis, sin2 / (1.0 + (1.0 - sin2).max(0.0).sqrt())))
 }
 
-/// Returns a point uniform by area on a disk around the origin, by the concentric map [Shirley1997]; density
+/// Returns a point uniform by area on a disk around the origin, by the concentric map \[Shirley1997\]; density
 /// 1 / (pi radius^2).
 pub fn sample_disk(radius: f32, u: [f32; 2]) -> [f32; 2] {
     let (x, y) = (2.0 * u[0] - 1.0, 2.0 * u[1] - 1.0);
@@ -61,7 +61,7 @@ pub fn sample_disk(radius: f32, u: [f32; 2]) -> [f32; 2] {
     [radius * r * phi.cos(), radius * r * phi.sin()]
 }
 
-/// Returns the solid angle of a triangle seen from p [sr], by [VanOosterom1983, Eq. 8].
+/// Returns the solid angle of a triangle seen from p \[sr\], by [VanOosterom1983, Eq. 8].
 pub fn triangle_solid_angle(p: Vec3, corners: [Vec3; 3]) -> f32 {
     let [a, b, c] = corners.map(|q| (q - p).normalize_or_zero());
     let numerator = a.dot(b.cross(c)).abs();
@@ -70,7 +70,7 @@ pub fn triangle_solid_angle(p: Vec3, corners: [Vec3; 3]) -> f32 {
     if angle < 0.0 { angle + TAU } else { angle }
 }
 
-/// Returns a direction towards a triangle uniform in solid angle [Arvo1995], with the barycentric weights of the point
+/// Returns a direction towards a triangle uniform in solid angle \[Arvo1995\], with the barycentric weights of the point
 /// there, or `None` where the triangle fills no angle.
 ///
 /// *Accuracy*: f64 inside; usable between 1e-9 sr and a half space (test: solid angle against area sampling). Callers

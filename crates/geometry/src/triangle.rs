@@ -1,6 +1,6 @@
 //! The watertight triangle test, and the closest point on a triangle.
 //!
-//! Woop, Benthin and Wald [Woop2013] make the test watertight by moving to coordinates in which the ray is an axis: each
+//! Woop, Benthin and Wald \[Woop2013\] make the test watertight by moving to coordinates in which the ray is an axis: each
 //! vertex gets a two-dimensional position that depends on the vertex and the ray only, and the test becomes "is the
 //! origin inside this planar triangle". We use the same idea with an orthonormal frame (s, t, d) in place of their
 //! shear and axis permutation (three lanes at a time, no branch on the largest component of d), and evaluate the edge

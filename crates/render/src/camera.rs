@@ -45,7 +45,7 @@ impl Camera {
         }
     }
 
-    /// Returns origin and unit direction of the ray through a point of the film [pixels]; `lens` are uniform variates.
+    /// Returns origin and unit direction of the ray through a point of the film \[pixels\]; `lens` are uniform variates.
     pub fn ray(&self, film: Vec2, lens: [f32; 2]) -> (Vec3, Vec3) {
         let [x0, x1, y0, y1] = self.window;
         let s = Vec2::new(x0 + (x1 - x0) * film.x / self.size[0], y1 - (y1 - y0) * film.y / self.size[1]);

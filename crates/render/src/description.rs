@@ -101,9 +101,9 @@ pub struct CameraDescription {
 /// Kinds of projection.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum CameraKind {
-    /// Perspective; angle of view across the shorter axis [degrees].
+    /// Perspective; angle of view across the shorter axis \[degrees\].
     Perspective {
-        /// Angle of view [degrees].
+        /// Angle of view \[degrees\].
         fov: f32,
     },
     /// Orthographic.
@@ -118,9 +118,9 @@ pub enum CameraKind {
 /// Size and name of the picture.
 #[derive(Clone, Debug)]
 pub struct FilmDescription {
-    /// Width [pixels].
+    /// Width \[pixels\].
     pub width: u32,
-    /// Height [pixels].
+    /// Height \[pixels\].
     pub height: u32,
     /// Pixels to render: x0, x1, y0, y1, end exclusive.
     pub crop: [u32; 4],
@@ -137,7 +137,7 @@ pub struct FilmDescription {
 pub struct FilterDescription {
     /// Kind of filter.
     pub kind: FilterKind,
-    /// Half width in x and y [pixels].
+    /// Half width in x and y \[pixels\].
     pub radius: Vec2,
 }
 
@@ -150,7 +150,7 @@ pub enum FilterKind {
     Triangle,
     /// Gaussian of standard deviation sigma, shifted to 0 at the radius.
     Gaussian {
-        /// Standard deviation [pixels].
+        /// Standard deviation \[pixels\].
         sigma: f32,
     },
     /// Mitchell-Netravali with parameters B and C.
@@ -523,9 +523,9 @@ pub enum SpectrumTexture {
 pub struct ImageDescription {
     /// Name, for messages.
     pub name: String,
-    /// Width [pixels].
+    /// Width \[pixels\].
     pub width: u32,
-    /// Height [pixels].
+    /// Height \[pixels\].
     pub height: u32,
     /// Row-major linear RGB, top row first.
     pub rgb: Vec<[f32; 3]>,
@@ -587,7 +587,7 @@ pub enum GeometryDescription {
         z_min: f32,
         /// Upper cut in z.
         z_max: f32,
-        /// Sweep [degrees].
+        /// Sweep \[degrees\].
         phi_max: f32,
     },
     /// A disk across the z axis.
@@ -598,7 +598,7 @@ pub enum GeometryDescription {
         radius: f32,
         /// Radius of the hole.
         inner_radius: f32,
-        /// Sweep [degrees].
+        /// Sweep \[degrees\].
         phi_max: f32,
     },
     /// A cylinder around the z axis.
@@ -609,7 +609,7 @@ pub enum GeometryDescription {
         z_min: f32,
         /// Upper end.
         z_max: f32,
-        /// Sweep [degrees].
+        /// Sweep \[degrees\].
         phi_max: f32,
     },
 }
@@ -666,9 +666,9 @@ pub enum LightKind {
         to: Vec3,
         /// Intensity on the axis.
         intensity: SpectrumDescription,
-        /// Half angle of the cone [degrees].
+        /// Half angle of the cone \[degrees\].
         cone_angle: f32,
-        /// Width of the soft edge [degrees].
+        /// Width of the soft edge \[degrees\].
         cone_delta_angle: f32,
     },
     /// Parallel light; radiance x solid angle [irradiance on a facing plane].

@@ -99,7 +99,7 @@ impl Filter {
         Self { axes: [Axis::new(d.kind, d.radius.x), Axis::new(d.kind, d.radius.y)] }
     }
 
-    /// Returns an offset from the pixel's centre [pixels] and the weight of a sample there; the mean weight is 1.
+    /// Returns an offset from the pixel's centre \[pixels\] and the weight of a sample there; the mean weight is 1.
     pub fn sample(&self, u: [f32; 2]) -> ([f32; 2], f32) {
         let (x, a) = self.axes[0].sample(u[0]);
         let (y, b) = self.axes[1].sample(u[1]);

@@ -51,7 +51,7 @@ impl Statistics {
 
 /// Renders each tile up to sample number `end` (exclusive) of the film; returns when done or stopped.
 ///
-/// Work is committed in whole updates of one tile and at most [`CHUNK`] samples; an update that `stop` interrupts is dropped,
+/// Work is committed in whole updates of one tile and at most `CHUNK` samples; an update that `stop` interrupts is dropped,
 /// so that what the film holds is always exactly a range of samples per tile. `progress` counts committed samples.
 pub fn render(
     scene: &Scene,

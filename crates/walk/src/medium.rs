@@ -51,7 +51,7 @@ impl<const N: usize> Medium<N> {
 
     /// Returns the phase function [1/sr] for light that flew along `from` and leaves along `to` (both directions of flight).
     ///
-    /// p = (1 - g^2) / (4 pi (1 + g^2 - 2 g cos)^(3/2)), cos = from . to, forward = +1 [Henyey1941].
+    /// p = (1 - g^2) / (4 pi (1 + g^2 - 2 g cos)^(3/2)), cos = from . to, forward = +1 \[Henyey1941\].
     #[inline]
     pub fn phase(&self, from: Vec3, to: Vec3) -> f32 {
         let g = self.g;

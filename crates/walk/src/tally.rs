@@ -11,7 +11,7 @@ pub trait Tally<const N: usize, R: Random> {
     #[inline]
     fn flight(&mut self, _walker: &Walker<N>, _t: f32) {}
 
-    /// Called at each collision; `arrived` is the weight there per unit coefficient [length]: times sigma_s it continues,
+    /// Called at each collision; `arrived` is the weight there per unit coefficient \[length\]: times sigma_s it continues,
     /// times sigma_a it is absorbed (or emitted).
     #[inline]
     fn collision(&mut self, _walker: &mut Walker<N>, _medium: &Medium<N>, _arrived: Spectrum<N>, _rng: &mut R) {}
@@ -30,7 +30,7 @@ pub struct NoTally;
 
 impl<const N: usize, R: Random> Tally<N, R> for NoTally {}
 
-/// Sums the length of all flights [length].
+/// Sums the length of all flights \[length\].
 #[derive(Clone, Copy, Debug, Default)]
 pub struct PathLength(pub f64);
 

@@ -7,7 +7,7 @@ use crate::medium::Medium;
 /// A light path inside a medium, on its way from the camera (or a source) to where it leaves.
 #[derive(Clone, Copy, Debug)]
 pub struct Walker<const N: usize> {
-    /// Position [length].
+    /// Position \[length\].
     pub p: Vec3,
     /// Direction of flight, unit.
     pub d: Vec3,
@@ -24,7 +24,7 @@ pub struct Walker<const N: usize> {
     pub collisions: u32,
     /// Factor that undoes the radiance scaling of refractive boundaries when weights are compared (roulette).
     pub eta_scale: f32,
-    /// Lower bound of the distance from `p` to any wall; 0 if unknown [length].
+    /// Lower bound of the distance from `p` to any wall; 0 if unknown \[length\].
     pub room: f32,
 }
 

@@ -1,4 +1,4 @@
-//! Where each object of the showcase stands: x to the right, y away from the camera, z up, the table at z = 0 [mm].
+//! Where each object of the showcase stands: x to the right, y away from the camera, z up, the table at z = 0 \[mm\].
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -7,7 +7,7 @@ use glam::{DMat3, DVec3};
 use crate::mesh::Mesh;
 use crate::{chess, leaf, soap, vessels};
 
-/// Height of every object above the table [mm]: enough to keep boundaries apart in 32-bit floats, too thin to see.
+/// Height of every object above the table \[mm\]: enough to keep boundaries apart in 32-bit floats, too thin to see.
 pub const CLEARANCE: f64 = 0.01;
 
 /// All meshes of the scene with the stem of their file name, in scene coordinates.

@@ -13,10 +13,10 @@ const BLADE: f64 = 80.0;
 const WIDTH: f64 = 25.0;
 /// How far a side vein advances per millimetre away from the midrib.
 const SLANT: f64 = 0.62;
-/// Radius of the curl across the blade [mm].
+/// Radius of the curl across the blade \[mm\].
 const CURL: f64 = 19.0;
 
-/// Half width of stalk and blade at arc length `x` along the midrib [mm].
+/// Half width of stalk and blade at arc length `x` along the midrib \[mm\].
 fn half_width(x: f64) -> f64 {
     let t = ((x - STALK) / BLADE).clamp(0.0, 1.0);
     let blade = WIDTH * 1.62 * t.powf(0.72) * (1.0 - t).powf(0.62);
@@ -24,12 +24,12 @@ fn half_width(x: f64) -> f64 {
     (blade * blade + stalk * stalk).sqrt()
 }
 
-/// Where side veins leave the midrib [mm].
+/// Where side veins leave the midrib \[mm\].
 fn veins() -> impl Iterator<Item = f64> {
     (0..9).map(|k| STALK + 5.0 + 7.6 * k as f64 - 0.12 * (k * k) as f64)
 }
 
-/// Half thickness at arc length `x` and relative distance `t` from the midrib [mm].
+/// Half thickness at arc length `x` and relative distance `t` from the midrib \[mm\].
 fn half_thickness(x: f64, t: f64) -> f64 {
     let y = t * half_width(x);
     let along = smoothstep(STALK - 4.0, STALK + 6.0, x);
@@ -57,7 +57,7 @@ fn bent(x: f64, y: f64, h: f64) -> DVec3 {
     DVec3::new((arc - local.z) * angle.sin(), local.y, arc - (arc - local.z) * angle.cos())
 }
 
-/// The leaf with its midrib along x, rolled by `tilt` [rad] about it.
+/// The leaf with its midrib along x, rolled by `tilt` \[rad\] about it.
 pub fn leaf(tilt: f64) -> Mesh {
     const ACROSS: usize = 26;
     // Place loops on both flanks of every vein, and between veins.

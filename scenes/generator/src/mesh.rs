@@ -12,7 +12,7 @@ use glam::DVec3;
 /// A triangle mesh in millimetres; triangles run counter-clockwise seen from outside.
 #[derive(Clone, Debug, Default)]
 pub struct Mesh {
-    /// Vertex positions [mm].
+    /// Vertex positions \[mm\].
     pub positions: Vec<DVec3>,
     /// Corner indices of each triangle.
     pub triangles: Vec<[u32; 3]>,

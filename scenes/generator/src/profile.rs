@@ -9,14 +9,14 @@ use glam::{DVec2, DVec3};
 
 use crate::mesh::Mesh;
 
-/// The turn between neighbouring segments of an arc of this radius [rad].
+/// The turn between neighbouring segments of an arc of this radius \[rad\].
 ///
 /// A chord stays within 0.02 mm of its arc, a thirtieth of a pixel of the showcase; shading needs 24 degrees or less.
 fn arc_step(radius: f64) -> f64 {
     (2.0 * (1.0 - 0.02 / radius.max(0.04)).acos()).min(24.0 * PI / 180.0)
 }
 
-/// A profile under construction: points (radius, height) and the fillet radius at each [mm].
+/// A profile under construction: points (radius, height) and the fillet radius at each \[mm\].
 #[derive(Clone, Debug, Default)]
 pub struct Profile {
     nodes: Vec<(DVec2, f64)>,
@@ -106,7 +106,7 @@ fn rounded_corner(before: DVec2, (corner, fillet): (DVec2, f64), after: DVec2) -
     (0..=steps).map(|k| center + DVec2::from_angle(sweep * k as f64 / steps as f64).rotate(start)).collect()
 }
 
-/// `columns` equal angles of a full turn [rad].
+/// `columns` equal angles of a full turn \[rad\].
 pub fn even_angles(columns: usize) -> Vec<f64> {
     (0..columns).map(|k| TAU * k as f64 / columns as f64).collect()
 }

@@ -7,13 +7,13 @@ use glam::{DVec2, DVec3};
 use crate::mesh::Mesh;
 use crate::profile::smoothstep;
 
-/// Half length, half width and half height [mm].
+/// Half length, half width and half height \[mm\].
 const HALF: DVec3 = DVec3::new(36.0, 24.0, 6.5);
 /// Exponents of the superellipses that give the plan and the side view.
 const PLAN: f64 = 5.0;
 const SIDE: f64 = 3.4;
 
-/// How far the relief at (x, y) of either face is sunk below the plain pillow [mm].
+/// How far the relief at (x, y) of either face is sunk below the plain pillow \[mm\].
 fn relief(p: DVec2, reach: f64) -> f64 {
     // The moon is a disk without a shifted disk; both distances are exact, so its flanks are equally steep.
     let moon = (p - DVec2::new(-4.0, 0.5)).length() - 16.0;

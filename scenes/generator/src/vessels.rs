@@ -5,14 +5,14 @@ use glam::{DVec2, DVec3};
 use crate::mesh::Mesh;
 use crate::profile::{Profile, even_angles, lathe, smoothstep};
 
-/// Width of the air film between milk and glass [mm].
+/// Width of the air film between milk and glass \[mm\].
 ///
 /// A pbrt boundary knows one inside and one outside, and every mesh here is closed by itself; so milk and glass do not
 /// share a surface. The film is far wider than the rounding of 32-bit coordinates and far thinner than a pixel.
 const FILM: f64 = 0.05;
 const COLUMNS: usize = 84;
 
-/// The inner radius of the tumbler at height `z` [mm]: a slight flare.
+/// The inner radius of the tumbler at height `z` \[mm\]: a slight flare.
 fn inner_radius(z: f64) -> f64 {
     22.0 + 0.055 * z
 }
@@ -43,7 +43,7 @@ pub fn milk() -> Mesh {
     lathe(&line, &even_angles(COLUMNS))
 }
 
-/// Height of the pool of wax around the wick [mm].
+/// Height of the pool of wax around the wick \[mm\].
 const POOL: f64 = 31.0;
 
 /// The candle: 46 mm wide, its rim melted to between 54 and 62 mm, with a few frozen drips outside.

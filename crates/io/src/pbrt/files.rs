@@ -21,7 +21,7 @@ pub trait Files {
 pub struct Disk {
     /// Folder that relative paths start from.
     pub folder: PathBuf,
-    /// Largest file that is read [bytes].
+    /// Largest file that is read \[bytes\].
     pub max_bytes: u64,
 }
 

@@ -55,7 +55,7 @@ pub struct Options {
     pub syntax_only: bool,
     /// Largest number of shapes, instances counted one by one.
     pub max_shapes: usize,
-    /// Largest size of an unpacked file [bytes].
+    /// Largest size of an unpacked file \[bytes\].
     pub max_bytes: u64,
 }
 

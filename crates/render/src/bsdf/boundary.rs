@@ -12,7 +12,7 @@
 //! basic radiance L / n^2 = 1 through the true surface: `m(dw) = |w . ng| n(w)^2 dw`. We want a Markov kernel K(wo -> wi) with
 //! weight 1 (probabilities that sum to 1) and detailed balance `m(dwo) K(wo -> dwi) = m(dwi) K(wi -> dwo)`.
 //! Sum 1 makes the furnace white from every single direction; detailed balance is Helmholtz reciprocity, and both
-//! together keep uniform light uniform. The construction is Metropolis-Hastings with one delayed rejection [Tierney1999]:
+//! together keep uniform light uniform. The construction is Metropolis-Hastings with one delayed rejection \[Tierney1999\]:
 //!
 //! 1. Propose the Fresnel event of `ns`: the mirror image with probability F(|wo . ns|), else the refraction. Accept with
 //!    `A(wo, wi) = min(1, |wi . ng| |wo . ns| / (|wo . ng| |wi . ns|))`, or A = 0 if wo or wi are on different sides of `ns` and

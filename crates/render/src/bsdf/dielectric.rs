@@ -1,4 +1,4 @@
-//! Boundaries between transparent media: smooth, rough [Walter2007], and the thin pane.
+//! Boundaries between transparent media: smooth, rough \[Walter2007\], and the thin pane.
 //!
 //! Local frame: z is the shading normal and points outside; `eta` = inside / outside. Values are those of radiance transport (module docs of
 //! [`crate::bsdf`]): transmission carries `1 / eta_p^2`, eta_p = index on the side of wi / index on the side of wo.

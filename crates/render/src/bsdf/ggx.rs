@@ -12,7 +12,7 @@ pub const SMOOTH_ALPHA: f32 = 1e-3;
 /// GGX (Trowbridge-Reitz) distribution in the local frame with z along the shading normal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ggx {
-    /// Roughness along the two tangents [1].
+    /// Roughness along the two tangents \[1\].
     pub alpha: Vec2,
 }
 

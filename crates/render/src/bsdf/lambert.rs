@@ -7,7 +7,7 @@ use moonmilk_core::{Spectrum, Vec3};
 use super::{BsdfSample, Kind};
 
 /// Returns a direction of the upper hemisphere with density cos / pi, by the area-preserving map of the square to the disk
-/// that keeps neighbours together [Shirley1997].
+/// that keeps neighbours together \[Shirley1997\].
 #[inline]
 pub fn sample_cosine(u: [f32; 2]) -> Vec3 {
     let (a, b) = (2.0 * u[0] - 1.0, 2.0 * u[1] - 1.0);

@@ -41,9 +41,9 @@ pub enum LightError {
         place: Place,
         /// Name of the picture.
         name: String,
-        /// Width [pixels].
+        /// Width \[pixels\].
         width: u32,
-        /// Height [pixels].
+        /// Height \[pixels\].
         height: u32,
     },
     /// A light shines from a point to the same point, or its transform flattens space.

@@ -60,7 +60,7 @@ pub enum Surface {
         radius: f32,
         /// Radius of the hole.
         inner_radius: f32,
-        /// Sweep [radians], at most 2 pi.
+        /// Sweep \[radians\], at most 2 pi.
         phi_max: f32,
     },
 }

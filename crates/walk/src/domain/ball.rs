@@ -5,10 +5,10 @@ use moonmilk_core::{Random, Vec3};
 use super::{Domain, Wall, smooth_boundary};
 use crate::walker::Walker;
 
-/// A ball of a radius [length] around the origin; `eta` = inside / outside.
+/// A ball of a radius \[length\] around the origin; `eta` = inside / outside.
 #[derive(Clone, Copy, Debug)]
 pub struct Ball {
-    /// Radius [length].
+    /// Radius \[length\].
     pub radius: f32,
     /// Relative index, inside / outside.
     pub eta: f32,

@@ -5,10 +5,10 @@ use moonmilk_core::{Random, Vec3};
 use super::{Domain, Wall, smooth_boundary};
 use crate::walker::Walker;
 
-/// A slab 0 < z < `thickness` [length]; infinite thickness is the half-space. `eta` = inside / outside on both faces.
+/// A slab 0 < z < `thickness` \[length\]; infinite thickness is the half-space. `eta` = inside / outside on both faces.
 #[derive(Clone, Copy, Debug)]
 pub struct Slab {
-    /// Thickness [length], may be infinite.
+    /// Thickness \[length\], may be infinite.
     pub thickness: f32,
     /// Relative index, inside / outside.
     pub eta: f32,
