@@ -5,7 +5,7 @@
 //! a [`Tally`] (what is recorded), and knows neither scenes nor files. Renderer and laboratory both call [`classic::walk`].
 //!
 //! *Weights.* A walk carries several wavelengths. Flights are sampled for lane 0, the hero; lane j follows with the
-//! weight f_j / mean_i p_i (balance heuristic over the lanes, [Wilkie2014], [Miller2019]). [`Walker::beta`] is that
+//! weight f_j / mean_i p_i (balance heuristic over the lanes, \[Wilkie2014\], \[Miller2019\]). [`Walker::beta`] is that
 //! weight, [`Walker::ratio`] is p_j / mean_i p_i; both are renormalised at every event, so that neither over- nor
 //! underflows in walks of any length.
 
