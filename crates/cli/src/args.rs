@@ -1,4 +1,4 @@
-//! The command line: names are fixed by the design, values are checked here.
+//! The command line: names are fixed by the design, values are checked in [`crate::values`].
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -7,18 +7,32 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use moonmilk_core::wavelengths::WavelengthMode;
 use moonmilk_render::film::Aov;
 
-/// Renders, measures and explains translucent materials. Without a command it renders the built-in showcase.
+use crate::values;
+
+const EXAMPLES: &str = "\
+Examples:
+  moonmilk                                       the built-in showcase: moonmilk.png and moonmilk.exr, within a minute
+  moonmilk render dragon.pbrt -o dragon.exr      a scene of yours
+  moonmilk render dragon.pbrt --error 1%         until the noise is one per cent of the mean
+  moonmilk render dragon.pbrt --time 5m          for five minutes
+  moonmilk render dragon.pbrt --spp 512 --resume goes on where an interrupted or shorter run ended
+  moonmilk diff test.exr reference.exr           how two pictures differ, and whether it is more than noise
+
+`moonmilk help render` explains every option. Exit codes: 0 done, 1 failed, 2 wrong usage, 3 wrong scene or input, 4 a check
+failed, 130 interrupted with the checkpoint written.";
+
+/// Renders translucent materials exactly, and measures pictures. Without a command it renders the built-in showcase.
 #[derive(Debug, Parser)]
-#[command(name = "moonmilk", version, about, propagate_version = true)]
+#[command(name = "moonmilk", version, propagate_version = true, after_help = EXAMPLES, max_term_width = 110)]
 pub struct Cli {
     /// What to do.
     #[command(subcommand)]
     pub command: Option<Command>,
     /// Format of messages on standard error.
-    #[arg(long, global = true, value_enum, default_value = "text")]
+    #[arg(long, global = true, value_enum, default_value = "text", value_name = "FORMAT", help_heading = "Messages")]
     pub log_format: LogFormat,
     /// Show errors alone.
-    #[arg(long, short, global = true)]
+    #[arg(long, short, global = true, help_heading = "Messages")]
     pub quiet: bool,
 }
 
@@ -47,64 +61,75 @@ pub enum Command {
 pub struct Render {
     /// The scene, a pbrt-v4 file (also .pbrt.gz).
     pub scene: PathBuf,
-    /// Picture to write: .exr or .png; the scene's own file name if absent.
-    #[arg(short, long, visible_alias = "outfile")]
+    /// Picture to write: .exr or .png (default: the scene's own file name, in the current folder).
+    #[arg(short, long, visible_alias = "outfile", value_name = "FILE")]
     pub output: Option<PathBuf>,
-    /// Samples per pixel (default: the scene's).
-    #[arg(long, group = "budget", value_parser = clap::value_parser!(u64).range(1..))]
-    pub spp: Option<u64>,
-    /// Time to spend, e.g. 90s, 5m, 1h.
-    #[arg(long, group = "budget", value_parser = duration)]
-    pub time: Option<Duration>,
-    /// Relative error to reach, e.g. 1% or 0.01: sqrt(mean variance) / mean radiance over non-empty pixels.
-    #[arg(long, group = "budget", value_parser = fraction)]
-    pub error: Option<f64>,
-    /// How the inside of translucent objects is solved.
-    #[arg(long, default_value = "path", value_parser = subsurface)]
-    pub subsurface: String,
-    /// How exact walks are sampled; the mean is the same for all.
-    #[arg(long, default_value = "auto", value_parser = walk)]
-    pub walk: String,
-    /// Wavelengths: hero, rgb, mono, or one wavelength in nm.
-    #[arg(long, default_value = "hero", value_parser = wavelengths)]
-    pub wavelengths: WavelengthMode,
-    /// Seed of all random numbers (default: the scene's).
-    #[arg(long)]
-    pub seed: Option<u64>,
-    /// Number of threads (default: all cores). It never changes the result.
-    #[arg(long, visible_alias = "nthreads", value_parser = clap::value_parser!(u64).range(1..=4096))]
-    pub threads: Option<u64>,
-    /// Part of the picture to render, in pixels: x0,x1,y0,y1 (ends exclusive).
-    #[arg(long, value_parser = crop)]
-    pub crop: Option<[u32; 4]>,
-    /// Go on from the checkpoint beside the output.
-    #[arg(long)]
-    pub resume: bool,
-    /// Only the samples A..B of every pixel; `merge` joins such ranges to the very bits of one run.
-    #[arg(long, value_parser = range, conflicts_with_all = ["time", "error"])]
-    pub samples: Option<(u64, u64)>,
     /// Show the picture in a running tev viewer.
     #[arg(long, value_name = "HOST:PORT", visible_alias = "display-server")]
     pub display: Option<String>,
-    /// Additional layers: albedo, normal, depth, variance, order, subsurface, diffuse, or all.
-    #[arg(long, value_name = "LIST", value_parser = aovs)]
-    pub aov: Option<AovList>,
-    /// Largest number of bounces, or `scene` for the file's own count (default: no limit).
-    #[arg(long, value_name = "N|scene", value_parser = max_depth)]
-    pub max_depth: Option<MaxDepth>,
-    /// What to do with open meshes around a medium.
-    #[arg(long, value_enum)]
-    pub open: Option<Open>,
-    /// Render one pixel alone and print its samples.
-    #[arg(long, value_name = "X,Y", value_parser = pixel)]
-    pub pixel: Option<[u32; 2]>,
-    /// Print what the transport did.
+    /// Number of threads (default: all cores). It never changes the result.
+    #[arg(long, visible_alias = "nthreads", value_name = "N", value_parser = clap::value_parser!(u64).range(1..=4096))]
+    pub threads: Option<u64>,
+    /// Print what the transport did, on standard output.
     #[arg(long)]
     pub stats: bool,
-    /// Seconds between checkpoints; 0 writes none but that of an interruption.
-    #[arg(long, default_value = "20", value_name = "SECONDS")]
-    pub checkpoint_every: u64,
+
+    /// Samples per pixel (default: the scene's).
+    #[arg(long, group = "budget", value_name = "N", help_heading = "When it is done",
+          value_parser = clap::value_parser!(u64).range(1..=MOST_SAMPLES))]
+    pub spp: Option<u64>,
+    /// Time to spend on rendering, e.g. 90s, 5m, 1h.
+    #[arg(long, group = "budget", allow_negative_numbers = true, value_parser = values::duration, help_heading = "When it is done")]
+    pub time: Option<Duration>,
+    /// Relative error to reach, e.g. 1% or 0.01: sqrt(mean variance) / mean radiance over non-empty pixels, tested whenever
+    /// the number of samples has doubled.
+    #[arg(long, group = "budget", allow_negative_numbers = true, value_parser = values::fraction, help_heading = "When it is done")]
+    pub error: Option<f64>,
+    /// Only the samples A..B of every pixel; `merge` joins such ranges to the very bits of one run.
+    #[arg(long, group = "budget", value_name = "A..B", value_parser = values::range, help_heading = "When it is done")]
+    pub samples: Option<(u64, u64)>,
+    /// Go on from the checkpoint beside the output (OUTPUT.checkpoint), to its own end or to the one given here.
+    #[arg(long, help_heading = "When it is done")]
+    pub resume: bool,
+    /// Time between checkpoints, in seconds or with a unit; 0 writes one at the end or interruption alone.
+    #[arg(long, default_value = "20", value_name = "TIME", allow_negative_numbers = true,
+          value_parser = values::interval, help_heading = "When it is done")]
+    pub checkpoint_every: Duration,
+
+    /// Part of the picture to render, in pixels: x0,x1,y0,y1 (ends exclusive).
+    #[arg(long, value_name = "X0,X1,Y0,Y1", value_parser = values::crop, help_heading = "What is recorded")]
+    pub crop: Option<[u32; 4]>,
+    /// Additional layers: albedo, normal, depth, variance, order, subsurface, diffuse, or all.
+    #[arg(long, value_name = "LIST", value_parser = values::aovs, help_heading = "What is recorded")]
+    pub aov: Option<AovList>,
+    /// Render one pixel alone and print its samples on standard output; no picture is written.
+    #[arg(long, value_name = "X,Y", value_parser = values::pixel, help_heading = "What is recorded",
+          conflicts_with_all = ["time", "error", "resume", "output", "display", "crop", "aov"])]
+    pub pixel: Option<[u32; 2]>,
+
+    /// How the inside of translucent objects is solved.
+    #[arg(long, default_value = "path", value_name = "MODE", value_parser = values::subsurface, help_heading = "Transport")]
+    pub subsurface: String,
+    /// How exact walks are sampled; the mean is the same for all.
+    #[arg(long, default_value = "auto", value_name = "POLICY", value_parser = values::walk, help_heading = "Transport")]
+    pub walk: String,
+    /// Wavelengths: hero, rgb, mono, or one wavelength in nm.
+    #[arg(long, default_value = "hero", value_name = "W", value_parser = values::wavelengths, help_heading = "Transport")]
+    pub wavelengths: WavelengthMode,
+    /// Seed of all random numbers (default: the scene's).
+    #[arg(long, value_name = "N", help_heading = "Transport")]
+    pub seed: Option<u64>,
+    /// Largest number of bounces, or `scene` for the file's own count (default: no limit).
+    #[arg(long, value_name = "N|scene", value_parser = values::max_depth, help_heading = "Transport")]
+    pub max_depth: Option<MaxDepth>,
+    /// What to do with open meshes around a medium (default: refuse them).
+    #[arg(long, value_enum, value_name = "HOW", help_heading = "Transport")]
+    pub open: Option<Open>,
 }
+
+/// Largest number of samples per pixel: the film's sums stay exact for 2^16 samples of the largest value in each of
+/// eight scramblings, and far longer for any real picture; 2^40 is beyond any patience.
+pub const MOST_SAMPLES: u64 = 1 << 40;
 
 /// Arguments of `diff`.
 #[derive(Debug, Args)]
@@ -114,9 +139,9 @@ pub struct Diff {
     /// The reference.
     pub b: PathBuf,
     /// Where to write the error picture (.png).
-    #[arg(short, long)]
+    #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
-    /// Exit with 4 if the z-test finds a difference (both pictures need Variance layers).
+    /// Exit with 4 if the z-test finds a difference (both pictures need Variance layers: --aov variance).
     #[arg(long)]
     pub test: bool,
 }
@@ -124,11 +149,11 @@ pub struct Diff {
 /// Arguments of `merge`.
 #[derive(Debug, Args)]
 pub struct Merge {
-    /// Checkpoints of consecutive sample ranges.
+    /// Checkpoints of consecutive sample ranges, in any order.
     #[arg(required = true)]
     pub parts: Vec<PathBuf>,
-    /// Picture to write.
-    #[arg(short, long)]
+    /// Picture to write: .exr or .png.
+    #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
 }
 
@@ -137,7 +162,7 @@ pub struct Merge {
 pub enum Open {
     /// Close the holes with flat caps.
     Cap,
-    /// Use a BSSRDF for the object.
+    /// Use a BSSRDF for the object (not in this version).
     Profile,
     /// End paths that leave through holes, and count them.
     Kill,
@@ -156,140 +181,6 @@ pub enum MaxDepth {
 #[derive(Clone, Debug)]
 pub struct AovList(pub Vec<Aov>);
 
-/// Names of the ways to solve the inside, in the order of the design; the first is available.
-const SUBSURFACE: [&str; 18] = [
-    "path",
-    "tabulated",
-    "gaussian",
-    "gaussian-sum",
-    "monopole",
-    "dipole",
-    "better-dipole",
-    "quantized",
-    "photon-beam",
-    "normalized",
-    "multipole",
-    "directional-dipole",
-    "dual-beam",
-    "hybrid",
-    "similarity-1",
-    "similarity-3",
-    "jump-shifted",
-    "diffusion",
-];
-const WALKS: [&str; 4] = ["classic", "jump", "guided", "auto"];
-
-fn subsurface(s: &str) -> Result<String, String> {
-    match s {
-        "path" => Ok(s.into()),
-        _ if SUBSURFACE.contains(&s) => Err(format!("\"{s}\" is planned but not in this version; available: path")),
-        _ => Err(format!("there is no \"{s}\"; did you mean \"{}\"? (available: path)", nearest(s, &SUBSURFACE))),
-    }
-}
-
-fn walk(s: &str) -> Result<String, String> {
-    match s {
-        "classic" | "auto" => Ok(s.into()),
-        _ if WALKS.contains(&s) => {
-            Err(format!("\"{s}\" is planned but not in this version; available: classic, auto (= classic)"))
-        }
-        _ => Err(format!("there is no \"{s}\"; did you mean \"{}\"? (available: classic, auto)", nearest(s, &WALKS))),
-    }
-}
-
-/// Returns the known name that shares most with s.
-fn nearest(s: &str, names: &[&'static str]) -> &'static str {
-    moonmilk_core::spectra::nearest(s, names.iter().copied())
-}
-
-fn duration(s: &str) -> Result<Duration, String> {
-    let (number, unit) = s.split_at(s.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(s.len()));
-    let factor = match unit {
-        "" | "s" => 1.0,
-        "m" | "min" => 60.0,
-        "h" => 3600.0,
-        "ms" => 1e-3,
-        _ => return Err(format!("unit \"{unit}\" is none of ms, s, m, h")),
-    };
-    match number.parse::<f64>() {
-        Ok(x) if x > 0.0 && x * factor < 3.2e7 => Ok(Duration::from_secs_f64(x * factor)),
-        _ => Err("give a positive time of at most a year, e.g. 90s, 5m, 1h".into()),
-    }
-}
-
-fn fraction(s: &str) -> Result<f64, String> {
-    let (number, factor) = s.strip_suffix('%').map_or((s, 1.0), |n| (n, 0.01));
-    match number.trim().parse::<f64>() {
-        Ok(x) if x > 0.0 && x.is_finite() => Ok(x * factor),
-        _ => Err("give a positive error, e.g. 1% or 0.01".into()),
-    }
-}
-
-fn wavelengths(s: &str) -> Result<WavelengthMode, String> {
-    match s {
-        "hero" => Ok(WavelengthMode::Hero),
-        "rgb" => Ok(WavelengthMode::Rgb),
-        "mono" => Ok(WavelengthMode::MONO),
-        _ => match s.parse::<f32>() {
-            Ok(nm) if (380.0..=780.0).contains(&nm) => Ok(WavelengthMode::Mono(nm)),
-            Ok(nm) => Err(format!("wavelength {nm} nm is outside 380..780")),
-            Err(_) => Err("give hero, rgb, mono, or one wavelength in nm".into()),
-        },
-    }
-}
-
-fn numbers<const N: usize>(s: &str) -> Option<[u32; N]> {
-    let v: Vec<u32> = s.split(',').map(|x| x.trim().parse().ok()).collect::<Option<_>>()?;
-    v.try_into().ok()
-}
-
-fn crop(s: &str) -> Result<[u32; 4], String> {
-    match numbers(s) {
-        Some([x0, x1, y0, y1]) if x0 < x1 && y0 < y1 => Ok([x0, x1, y0, y1]),
-        _ => Err("give four pixel numbers x0,x1,y0,y1 with x0 < x1 and y0 < y1".into()),
-    }
-}
-
-fn pixel(s: &str) -> Result<[u32; 2], String> {
-    numbers(s).ok_or_else(|| "give two pixel numbers X,Y".into())
-}
-
-fn range(s: &str) -> Result<(u64, u64), String> {
-    let parse = || {
-        let (a, b) = s.split_once("..")?;
-        let (a, b) = (a.parse().ok()?, b.parse().ok()?);
-        (a < b).then_some((a, b))
-    };
-    parse().ok_or_else(|| "give a range of sample numbers A..B with A < B".into())
-}
-
-fn aovs(s: &str) -> Result<AovList, String> {
-    if s == "all" {
-        return Ok(AovList(Aov::ALL.to_vec()));
-    }
-    let names: Vec<&str> = Aov::ALL.iter().map(|a| a.name()).collect();
-    let find = |name: &str| {
-        Aov::ALL.into_iter().find(|a| a.name() == name).ok_or_else(|| {
-            format!(
-                "there is no layer \"{name}\"; did you mean \"{}\"? ({}, all)",
-                nearest(name, &names),
-                names.join(", ")
-            )
-        })
-    };
-    let mut list = s.split(',').map(|n| find(n.trim())).collect::<Result<Vec<_>, _>>()?;
-    list.sort_by_key(|a| Aov::ALL.iter().position(|b| a == b));
-    list.dedup();
-    Ok(AovList(list))
-}
-
-fn max_depth(s: &str) -> Result<MaxDepth, String> {
-    if s == "scene" {
-        return Ok(MaxDepth::Scene);
-    }
-    s.parse().map(MaxDepth::Count).map_err(|_| "give a number of bounces, or scene".into())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -301,15 +192,12 @@ mod tests {
     }
 
     #[test]
-    fn values_are_checked_and_units_understood() {
-        assert_eq!(duration("1.5m"), Ok(Duration::from_secs(90)));
-        assert!(duration("5d").is_err() && duration("-1").is_err() && duration("").is_err());
-        assert!((fraction("2%").expect("valid") - 0.02).abs() < 1e-15);
-        assert!(fraction("0").is_err() && crop("1,1,0,2").is_err() && range("5..5").is_err());
-        assert_eq!(
-            subsurface("photn-beam").expect_err("unknown"),
-            "there is no \"photn-beam\"; did you mean \"photon-beam\"? (available: path)"
-        );
-        assert_eq!(aovs("depth,albedo").expect("valid").0, vec![Aov::Albedo, Aov::Depth]);
+    fn every_option_is_documented() {
+        for command in std::iter::once(&Cli::command()).chain(Cli::command().get_subcommands()) {
+            for a in command.get_arguments().filter(|a| !a.is_hide_set()) {
+                let text = a.get_help().map(ToString::to_string).unwrap_or_default();
+                assert!(text.len() > 10, "{} {}: \"{text}\"", command.get_name(), a.get_id());
+            }
+        }
     }
 }

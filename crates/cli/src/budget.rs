@@ -1,9 +1,10 @@
 //! When a render is done: samples, time or error.
 
+use std::fmt;
 use std::time::{Duration, Instant};
 
 /// What a render may use.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Budget {
     /// Samples per pixel, absolute number of the end.
     Samples(u64),
@@ -16,18 +17,28 @@ pub enum Budget {
 /// First sample count at which the error is tested: two samples per scrambling.
 const FIRST_TEST: u64 = 16;
 
+/// How far a render is.
+#[derive(Clone, Copy, Debug)]
+pub struct Standing {
+    /// Smallest and largest end of the samples of a tile, absolute numbers.
+    pub samples: [u64; 2],
+    /// Samples per pixel and second of this run, if known.
+    pub rate: Option<f64>,
+    /// Start of this run.
+    pub start: Instant,
+}
+
 impl Budget {
-    /// Returns the sample number up to which to go next, or `None` when done.
-    ///
-    /// `samples` is the number so far; `rate` the samples per pixel and second of this run, if known; `error` the present
-    /// relative error.
-    pub fn next(&self, samples: u64, start: Instant, rate: Option<f64>, error: impl FnOnce() -> f64) -> Option<u64> {
+    /// Returns the sample number up to which to go next, or `None` when done; `error` gives the present relative error.
+    pub fn next(&self, at: &Standing, error: impl FnOnce() -> f64) -> Option<u64> {
+        let [samples, most] = at.samples;
         match *self {
-            Self::Samples(end) => (samples < end).then(|| end.min(doubled(samples))),
+            // Doubling passes, so that an early look or an interruption finds the whole picture.
+            Self::Samples(end) => (samples < end).then(|| end.min((samples + 1).next_power_of_two())),
             Self::Time(limit) => {
-                let left = limit.checked_sub(start.elapsed())?.as_secs_f64();
+                let left = limit.checked_sub(at.start.elapsed())?.as_secs_f64();
                 // Passes of about a twentieth of the budget, so that the end finds all tiles nearly level.
-                let Some(rate) = rate else {
+                let Some(rate) = at.rate else {
                     return Some(samples + 1);
                 };
                 let fit = (rate * left).floor() as u64;
@@ -35,30 +46,60 @@ impl Budget {
                 (fit >= 1).then_some(samples + pass)
             }
             Self::Error(goal) => {
-                let at_test = samples >= FIRST_TEST && samples.is_power_of_two();
-                if at_test && error() <= goal { None } else { Some(doubled(samples)) }
+                // A run that was stopped amid a pass left some tiles ahead: the pass must end before its test.
+                let at_test = samples >= FIRST_TEST && samples.is_power_of_two() && samples == most;
+                if at_test && error() <= goal { None } else { Some((samples + 1).next_power_of_two().max(FIRST_TEST)) }
             }
+        }
+    }
+
+    /// Returns the budget in the words of [`Budget`]'s `Display`, if they are such.
+    pub fn parse(text: &str) -> Option<Self> {
+        let (kind, value) = text.split_once(' ')?;
+        match kind {
+            "samples" => value.parse().ok().map(Self::Samples),
+            "seconds" => value.parse().ok().and_then(|s| Duration::try_from_secs_f64(s).ok()).map(Self::Time),
+            "error" => value.parse().ok().filter(|e| *e > 0.0).map(Self::Error),
+            _ => None,
         }
     }
 }
 
-/// Returns the next power of two, at least [`FIRST_TEST`].
-fn doubled(samples: u64) -> u64 {
-    (samples + 1).next_power_of_two().max(FIRST_TEST)
+impl fmt::Display for Budget {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Samples(n) => write!(f, "samples {n}"),
+            Self::Time(t) => write!(f, "seconds {}", t.as_secs_f64()),
+            Self::Error(e) => write!(f, "error {e}"),
+        }
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    fn at(least: u64, most: u64) -> Standing {
+        Standing { samples: [least, most], rate: None, start: Instant::now() }
+    }
+
     #[test]
-    fn errors_are_tested_only_at_doublings() {
-        let now = Instant::now();
-        assert_eq!(Budget::Error(0.1).next(0, now, None, || unreachable!("no test at 0")), Some(16));
-        assert_eq!(Budget::Error(0.1).next(20, now, None, || unreachable!("no test at 20")), Some(32));
-        assert_eq!(Budget::Error(0.1).next(32, now, None, || 0.2), Some(64));
-        assert_eq!(Budget::Error(0.1).next(64, now, None, || 0.09), None);
-        assert_eq!(Budget::Samples(100).next(64, now, None, || 0.0), Some(100));
-        assert_eq!(Budget::Samples(100).next(100, now, None, || 0.0), None);
+    fn errors_are_tested_only_at_doublings_of_a_level_film() {
+        let never = || unreachable!("no test here");
+        assert_eq!(Budget::Error(0.1).next(&at(0, 0), never), Some(16));
+        assert_eq!(Budget::Error(0.1).next(&at(20, 20), never), Some(32));
+        assert_eq!(Budget::Error(0.1).next(&at(16, 20), never), Some(32));
+        assert_eq!(Budget::Error(0.1).next(&at(32, 32), || 0.2), Some(64));
+        assert_eq!(Budget::Error(0.1).next(&at(64, 64), || 0.09), None);
+        assert_eq!(Budget::Samples(100).next(&at(64, 70), || 0.0), Some(100));
+        assert_eq!(Budget::Samples(100).next(&at(100, 100), || 0.0), None);
+    }
+
+    #[test]
+    fn budgets_survive_being_recorded() {
+        for b in [Budget::Samples(77), Budget::Time(Duration::from_millis(1500)), Budget::Error(0.0125)] {
+            assert_eq!(Budget::parse(&b.to_string()), Some(b));
+        }
+        assert_eq!((Budget::parse("seconds -1"), Budget::parse("error 0"), Budget::parse("now")), (None, None, None));
     }
 }

@@ -2,7 +2,12 @@
 
 use std::process::ExitCode;
 
+use moonmilk_io::pbrt::LoadError;
+
 use crate::args::LogFormat;
+
+/// Largest number of problems of a scene that are shown.
+const SHOWN: usize = 20;
 
 /// A failure of the program.
 #[derive(Debug)]
@@ -13,8 +18,8 @@ pub enum Failure {
     Usage(String),
     /// The scene or another input is wrong (3).
     Input(String),
-    /// An input is wrong, with the place shown (3).
-    Report(miette::Report),
+    /// A scene file is wrong, with the places shown (3).
+    Scene(LoadError),
     /// A check found a difference (4).
     Check(String),
     /// Interrupted, the checkpoint is written (130).
@@ -24,17 +29,29 @@ pub enum Failure {
 impl Failure {
     /// Prints the failure on standard error.
     pub fn report(&self, format: LogFormat) {
-        let text = match self {
-            Self::Run(s) | Self::Usage(s) | Self::Input(s) | Self::Check(s) | Self::Interrupted(s) => s.clone(),
-            Self::Report(r) if format == LogFormat::Json => r.to_string(),
-            Self::Report(r) => {
-                eprintln!("{r:?}");
-                return;
+        match (self, format) {
+            (Self::Scene(e), LogFormat::Json) => {
+                for p in e.problems() {
+                    let place = p.place.as_ref().map(ToString::to_string);
+                    tracing::error!(place, help = p.help, "{}", p.message);
+                }
             }
-        };
-        match format {
-            LogFormat::Json => tracing::error!("{text}"),
-            LogFormat::Text => eprintln!("moonmilk: {text}"),
+            (Self::Scene(e), LogFormat::Text) => {
+                for p in e.problems().iter().take(SHOWN) {
+                    eprintln!("{:?}", miette::Report::new(p.clone()));
+                }
+                if e.problems().len() > SHOWN {
+                    eprintln!("moonmilk: and {} more problems", e.problems().len() - SHOWN);
+                }
+            }
+            (
+                Self::Run(s) | Self::Usage(s) | Self::Input(s) | Self::Check(s) | Self::Interrupted(s),
+                LogFormat::Json,
+            ) => tracing::error!("{s}"),
+            (
+                Self::Run(s) | Self::Usage(s) | Self::Input(s) | Self::Check(s) | Self::Interrupted(s),
+                LogFormat::Text,
+            ) => eprintln!("moonmilk: {s}"),
         }
     }
 
@@ -43,7 +60,7 @@ impl Failure {
         ExitCode::from(match self {
             Self::Run(_) => 1,
             Self::Usage(_) => 2,
-            Self::Input(_) | Self::Report(_) => 3,
+            Self::Input(_) | Self::Scene(_) => 3,
             Self::Check(_) => 4,
             Self::Interrupted(_) => 130,
         })

@@ -1,20 +1,49 @@
 //! Running a render: passes on a worker, and beside it progress, checkpoints, time limits and interruptions.
+//!
+//! Three threads besides those that trace: the *worker* goes from pass to pass, the *keeper* does what takes time (checkpoints,
+//! the viewer, estimates of the error), and the caller's thread watches the clock and interruptions, so that neither a slow
+//! disk nor a hung viewer delays an end. None of them decides the value of a sample.
 
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
-use moonmilk_io::checkpoint;
+use moonmilk_io::checkpoint::{self, CheckpointError};
 use moonmilk_render::film::Film;
 use moonmilk_render::integrator::Integrator;
 use moonmilk_render::scene::Scene;
 use moonmilk_render::session::{self, Statistics};
 
-use crate::budget::Budget;
+use crate::budget::{Budget, Standing};
 use crate::display::Display;
 use crate::failure::Failure;
+use crate::output::levels;
 use crate::progress::Progress;
+
+/// How often the clock, interruptions and the time for a checkpoint are looked at.
+const TICK: Duration = Duration::from_millis(20);
+/// Time between estimates of the error for the progress bar.
+const JUDGED_EVERY: Duration = Duration::from_secs(2);
+/// Time between pictures sent to a viewer.
+const SHOWN_EVERY: Duration = Duration::from_secs(1);
+
+/// Where and when checkpoints are written.
+pub struct Checkpoint {
+    /// The file.
+    pub path: PathBuf,
+    /// The text recorded in it.
+    pub settings: String,
+    /// Time between two; `None` for one at the end alone.
+    pub every: Option<Duration>,
+}
+
+impl Checkpoint {
+    fn save(&self, film: &Film) -> Result<(), CheckpointError> {
+        checkpoint::save(&self.path, &self.settings, film)
+    }
+}
 
 /// A render to be run.
 pub struct Job<'a> {
@@ -26,10 +55,8 @@ pub struct Job<'a> {
     pub film: &'a Film,
     /// When it is done.
     pub budget: Budget,
-    /// Where checkpoints go, and the settings recorded in them.
-    pub checkpoint: Option<(PathBuf, String)>,
-    /// Time between checkpoints; `None` for that of an interruption alone.
-    pub checkpoint_every: Option<Duration>,
+    /// Checkpoints, if any.
+    pub checkpoint: Option<Checkpoint>,
     /// Factor on the finished picture.
     pub factor: f32,
 }
@@ -38,8 +65,10 @@ pub struct Job<'a> {
 pub struct Done {
     /// What was done.
     pub statistics: Statistics,
-    /// Whether it was interrupted.
+    /// Whether it was interrupted before its budget was used.
     pub interrupted: bool,
+    /// Whether the last checkpoint was written, if one was wanted.
+    pub saved: Result<(), CheckpointError>,
     /// Time spent.
     pub elapsed: Duration,
 }
@@ -54,6 +83,7 @@ fn interruption() -> Arc<AtomicBool> {
         // The second request does not wait for the checkpoint.
         let handler = move || {
             if seen.swap(true, Ordering::SeqCst) {
+                tracing::error!("interrupted again; ended at once");
                 std::process::exit(130);
             }
         };
@@ -64,91 +94,127 @@ fn interruption() -> Arc<AtomicBool> {
     }))
 }
 
+/// What the threads of a job share.
+struct Shared {
+    start: Instant,
+    /// Sample number that the job began at.
+    first: u64,
+    stop: AtomicBool,
+    /// Samples taken in this run, over all pixels.
+    count: AtomicU64,
+    /// Last estimate of the relative error.
+    error: Mutex<Option<f64>>,
+}
+
 impl Job<'_> {
     /// Renders until the budget is used, or until interrupted.
-    pub fn run(&self, progress: &Progress, display: &mut Display) -> Result<Done, Failure> {
+    ///
+    /// *Errors*: rendering panicked, which is a bug; the checkpoint is written all the same.
+    pub fn run(&self, progress: &Progress, mut display: Display) -> Result<Done, Failure> {
         let interrupted = interruption();
-        let (stop, count, finished) = (AtomicBool::new(false), AtomicU64::new(0), AtomicBool::new(false));
-        let total = Mutex::new(Statistics::default());
-        let target = AtomicU64::new(0);
-        let start = Instant::now();
-        let first = self.film.first + self.film.samples();
+        let shared = Shared {
+            start: Instant::now(),
+            first: self.film.first + self.film.samples(),
+            stop: AtomicBool::new(false),
+            count: AtomicU64::new(0),
+            error: Mutex::new(None),
+        };
         let pixels = {
             let [x0, x1, y0, y1] = self.film.crop;
-            f64::from((x1 - x0) * (y1 - y0))
+            f64::from(x1 - x0) * f64::from(y1 - y0)
         };
-        let failed: Mutex<Option<Failure>> = Mutex::new(None);
-        std::thread::scope(|s| {
-            // The worker: passes until the budget says so.
-            s.spawn(|| {
-                loop {
-                    let at = self.film.first + self.film.samples();
-                    let seconds = start.elapsed().as_secs_f64();
-                    let rate = (at > first).then(|| (at - first) as f64 / seconds);
-                    let next = self.budget.next(at, start, rate, || self.film.develop(self.factor).relative_error());
-                    let Some(end) = next.filter(|_| !stop.load(Ordering::Relaxed)) else {
-                        break;
-                    };
-                    target.store(end, Ordering::Relaxed);
-                    let statistics = session::render(self.scene, self.integrator, self.film, end, &stop, &count);
-                    total.lock().unwrap_or_else(PoisonError::into_inner).merge(&statistics);
-                }
-                finished.store(true, Ordering::Release);
+        let outcome = std::thread::scope(|s| {
+            // An end is told by dropping a sender, which a panic does as well.
+            let (working, at_work) = channel::<()>();
+            let (keeping, kept) = channel::<()>();
+            let worker = s.spawn(|| {
+                let _working = working;
+                self.work(&shared)
             });
-
-            // This thread: looks after the worker without deciding any value.
-            let (mut saved, mut shown, mut error, mut judged) = (Instant::now(), Instant::now(), None, Instant::now());
-            while !finished.load(Ordering::Acquire) {
-                std::thread::sleep(Duration::from_millis(20));
-                if interrupted.load(Ordering::SeqCst) {
-                    stop.store(true, Ordering::Relaxed);
+            s.spawn(|| self.keep(&shared, &mut display, kept));
+            while at_work.recv_timeout(TICK) == Err(RecvTimeoutError::Timeout) {
+                let out_of_time = matches!(self.budget, Budget::Time(limit) if shared.start.elapsed() > limit);
+                if out_of_time || interrupted.load(Ordering::SeqCst) {
+                    shared.stop.store(true, Ordering::Relaxed);
                 }
-                if let Budget::Time(limit) = self.budget
-                    && start.elapsed() > limit
-                {
-                    stop.store(true, Ordering::Relaxed);
-                }
-                if let (Some(every), Some((path, settings))) = (self.checkpoint_every, &self.checkpoint)
-                    && saved.elapsed() > every
-                {
-                    if let Err(e) = checkpoint::save(path, settings, self.film) {
-                        tracing::warn!("{e}; rendering goes on without this checkpoint");
-                    }
-                    saved = Instant::now();
-                }
-                if judged.elapsed() > Duration::from_secs(2) {
-                    error = Some(self.film.develop(self.factor).relative_error());
-                    judged = Instant::now();
-                }
-                if display.is_open() && shown.elapsed() > Duration::from_secs(1) {
-                    display.show(&self.film.develop(self.factor));
-                    shown = Instant::now();
-                }
-                let done = first as f64 + count.load(Ordering::Relaxed) as f64 / pixels;
-                let (share, left) = self.estimate(done, first as f64, start, error);
+                let done = shared.first as f64 + shared.count.load(Ordering::Relaxed) as f64 / pixels;
+                let error = *shared.error.lock().unwrap_or_else(PoisonError::into_inner);
+                let (share, left) = self.estimate(done, &shared, error);
                 progress.show(share, done, left, error);
             }
+            drop(keeping);
+            worker.join()
         });
         progress.finish();
-        if let Some(f) = failed.into_inner().unwrap_or_else(PoisonError::into_inner) {
-            return Err(f);
+        let elapsed = shared.start.elapsed();
+        if display.is_open() {
+            display.show(&self.film.develop(self.factor));
         }
-        display.show(&self.film.develop(self.factor));
-        if let Some((path, settings)) = &self.checkpoint {
-            checkpoint::save(path, settings, self.film).map_err(|e| Failure::Run(e.to_string()))?;
+        let saved = self.checkpoint.as_ref().map_or(Ok(()), |c| c.save(self.film));
+        let Ok((statistics, complete)) = outcome else {
+            let fate = match &saved {
+                Ok(()) if self.checkpoint.is_some() => "; the checkpoint holds what was done".into(),
+                Ok(()) => String::new(),
+                Err(e) => format!("; {e}"),
+            };
+            return Err(Failure::Run(format!("rendering failed by a fault of this program, told above{fate}")));
+        };
+        // What had to be done is done, whatever was asked in the last moment.
+        Ok(Done { statistics, interrupted: !complete && interrupted.load(Ordering::SeqCst), saved, elapsed })
+    }
+
+    /// Goes from pass to pass; returns the figures and whether the budget was used.
+    fn work(&self, shared: &Shared) -> (Statistics, bool) {
+        let mut total = Statistics::default();
+        loop {
+            let samples = levels(self.film).map(|n| self.film.first + n);
+            let done = samples[0] - shared.first;
+            let rate = (done > 0).then(|| done as f64 / shared.start.elapsed().as_secs_f64());
+            let at = Standing { samples, rate, start: shared.start };
+            let Some(end) = self.budget.next(&at, || self.film.develop(self.factor).relative_error()) else {
+                return (total, true);
+            };
+            if shared.stop.load(Ordering::Relaxed) {
+                return (total, false);
+            }
+            total.merge(&session::render(self.scene, self.integrator, self.film, end, &shared.stop, &shared.count));
         }
-        let statistics = total.into_inner().unwrap_or_else(PoisonError::into_inner);
-        let was_interrupted = interrupted.load(Ordering::SeqCst);
-        Ok(Done { statistics, interrupted: was_interrupted, elapsed: start.elapsed() })
+    }
+
+    /// Writes checkpoints, feeds the viewer and estimates the error until told to end.
+    fn keep(&self, shared: &Shared, display: &mut Display, end: Receiver<()>) {
+        let now = Instant::now();
+        // The viewer gets a first picture soon.
+        let (mut saved, mut judged, mut next_shown) = (now, now, now + SHOWN_EVERY / 4);
+        while end.recv_timeout(TICK) == Err(RecvTimeoutError::Timeout) {
+            if let Some(c) = &self.checkpoint
+                && c.every.is_some_and(|every| saved.elapsed() >= every)
+            {
+                if let Err(e) = c.save(self.film) {
+                    tracing::warn!("{e}; rendering goes on without this checkpoint");
+                }
+                saved = Instant::now();
+            }
+            if judged.elapsed() > JUDGED_EVERY {
+                let error = self.film.develop(self.factor).relative_error();
+                *shared.error.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
+                judged = Instant::now();
+            }
+            if display.is_open() && Instant::now() > next_shown {
+                display.show(&self.film.develop(self.factor));
+                next_shown = Instant::now() + SHOWN_EVERY;
+            }
+        }
     }
 
     /// Returns the share of the work done and the time left, as far as they can be told.
-    fn estimate(&self, done: f64, first: f64, start: Instant, error: Option<f64>) -> (f64, Option<Duration>) {
-        let elapsed = start.elapsed().as_secs_f64();
+    fn estimate(&self, done: f64, shared: &Shared, error: Option<f64>) -> (f64, Option<Duration>) {
+        let elapsed = shared.start.elapsed().as_secs_f64();
+        let first = shared.first as f64;
         let share = match self.budget {
             Budget::Samples(end) => (done - first) / (end as f64 - first).max(1.0),
             Budget::Time(limit) => {
-                return (elapsed / limit.as_secs_f64(), limit.checked_sub(start.elapsed()));
+                return (elapsed / limit.as_secs_f64(), limit.checked_sub(shared.start.elapsed()));
             }
             // Error falls with the root of the samples.
             Budget::Error(goal) => match error {

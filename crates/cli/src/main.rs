@@ -10,22 +10,31 @@ mod merge;
 mod output;
 mod progress;
 mod render;
+mod replay;
+mod report;
+mod settings;
 mod showcase;
+mod usage;
+mod values;
 
 use std::process::ExitCode;
 
-use clap::Parser;
 use tracing_subscriber::filter::LevelFilter;
 
-use args::{Cli, Command, LogFormat};
+use args::{Command, LogFormat};
 use failure::Failure;
 
 fn main() -> ExitCode {
-    let cli = Cli::parse();
-    start_logging(&cli);
+    let cli = match usage::parse() {
+        Ok(cli) => cli,
+        Err(code) => return code,
+    };
+    start_logging(cli.log_format, cli.quiet);
+    // A bar amid JSON lines would spoil them.
+    let bar = !cli.quiet && cli.log_format == LogFormat::Text;
     let result = match &cli.command {
-        None => showcase::run(cli.quiet),
-        Some(Command::Render(a)) => render::run(a, cli.quiet),
+        None => showcase::run(bar),
+        Some(Command::Render(a)) => render::run(a, bar),
         Some(Command::Diff(a)) => diff::run(a),
         Some(Command::Merge(a)) => merge::run(a),
     };
@@ -39,13 +48,14 @@ fn main() -> ExitCode {
 }
 
 /// Sends messages to standard error, as lines or JSON; `NO_COLOR` is honoured.
-fn start_logging(cli: &Cli) {
-    let level = if cli.quiet { LevelFilter::ERROR } else { LevelFilter::INFO };
+fn start_logging(format: LogFormat, quiet: bool) {
+    let level = if quiet { LevelFilter::ERROR } else { LevelFilter::INFO };
     let builder = tracing_subscriber::fmt().with_writer(std::io::stderr).with_max_level(level).with_target(false);
-    match cli.log_format {
+    match format {
         LogFormat::Json => builder.json().init(),
         LogFormat::Text => {
-            let color = std::env::var_os("NO_COLOR").is_none() && std::io::IsTerminal::is_terminal(&std::io::stderr());
+            let color = std::env::var_os("NO_COLOR").is_none_or(|v| v.is_empty())
+                && std::io::IsTerminal::is_terminal(&std::io::stderr());
             builder.without_time().with_ansi(color).init();
         }
     }

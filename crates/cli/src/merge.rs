@@ -2,35 +2,47 @@
 
 use moonmilk_io::checkpoint;
 
-use crate::Outcome;
 use crate::args::Merge;
+use crate::budget::Budget;
 use crate::failure::Failure;
-use crate::{output, render};
+use crate::settings::Settings;
+use crate::{Outcome, output};
 
 /// Runs the command.
 pub fn run(a: &Merge) -> Outcome {
-    let input = |e: checkpoint::CheckpointError| Failure::Input(e.to_string());
-    let mut parts = a
-        .parts
-        .iter()
-        .map(|p| checkpoint::load(p).map(|(s, f)| (p, s, f)))
-        .collect::<Result<Vec<_>, _>>()
-        .map_err(input)?;
+    output::require_format(&a.output)?;
+    let checkpoint_path = output::checkpoint_path(&a.output);
+    output::check_writable(&a.output)?;
+    output::check_writable(&checkpoint_path)?;
+    let mut parts = Vec::new();
+    for path in &a.parts {
+        let (text, film) = checkpoint::load(path).map_err(|e| Failure::Input(e.to_string()))?;
+        let (settings, _) = Settings::parse(&text)
+            .ok_or_else(|| Failure::Input(format!("{}: its settings cannot be read", path.display())))?;
+        parts.push((path, settings, film));
+    }
     parts.sort_by_key(|p| p.2.first);
     let mut parts = parts.into_iter();
     let (_, settings, mut film) = parts.next().ok_or_else(|| Failure::Usage("give at least one checkpoint".into()))?;
     for (path, s, f) in parts {
-        if s != settings {
-            return Err(Failure::Input(format!("{}: of another render than the first part", path.display())));
+        let differences = s.differences(&settings);
+        if !differences.is_empty() {
+            return Err(Failure::Input(format!(
+                "{}: of another render than the first part: {}",
+                path.display(),
+                differences.join("; ")
+            )));
         }
         film.append(&f).map_err(|e| Failure::Input(format!("{}: {e}", path.display())))?;
     }
-    let factor =
-        serde_json::from_str::<serde_json::Value>(&settings).ok().and_then(|v| v["factor"].as_f64()).unwrap_or(1.0)
-            as f32;
-    let picture = output::picture(&film, factor, &render::attributes(&settings, &film))?;
+    let [least, most] = output::levels(&film);
+    if least != most {
+        tracing::warn!(
+            "the last part was interrupted: its tiles have {least} to {most} samples; resume it and merge again"
+        );
+    }
+    let picture = output::picture(&film, Some(&settings), settings.factor())?;
     output::write(&a.output, &picture)?;
-    let mut checkpoint_path = a.output.clone().into_os_string();
-    checkpoint_path.push(".checkpoint");
-    checkpoint::save(checkpoint_path.as_ref(), &settings, &film).map_err(|e| Failure::Run(e.to_string()))
+    let recorded = settings.record(&Budget::Samples(film.first + least));
+    checkpoint::save(&checkpoint_path, &recorded, &film).map_err(|e| Failure::Run(e.to_string()))
 }

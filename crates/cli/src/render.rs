@@ -1,102 +1,107 @@
 //! `moonmilk render`.
 
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
-use moonmilk_core::wavelengths::WavelengthMode;
 use moonmilk_io::checkpoint;
-use moonmilk_io::image::Value;
-use moonmilk_io::pbrt::{self, Loaded};
+use moonmilk_io::pbrt;
 use moonmilk_render::description::{SceneDescription, Warning};
 use moonmilk_render::film::Film;
 use moonmilk_render::integrator::Integrator;
 use moonmilk_render::scene::{OpenPolicy, Scene, SceneOptions};
-use moonmilk_render::session::{self, Statistics};
 use moonmilk_walk::Roulette;
 
-use crate::Outcome;
 use crate::args::{MaxDepth, Open, Render};
 use crate::budget::Budget;
 use crate::display::Display;
 use crate::failure::Failure;
-use crate::job::{Done, Job};
-use crate::output;
+use crate::job::{Checkpoint, Job};
 use crate::progress::Progress;
+use crate::settings::Settings;
+use crate::{Outcome, output, replay, report};
 
-/// Runs the command.
-pub fn run(a: &Render, quiet: bool) -> Outcome {
+/// Runs the command; `bar` allows a progress bar.
+pub fn run(a: &Render, bar: bool) -> Outcome {
     if let Some(n) = a.threads {
         rayon::ThreadPoolBuilder::new()
             .num_threads(n as usize)
             .build_global()
             .map_err(|e| Failure::Run(format!("cannot start {n} threads: {e}")))?;
     }
-    let loaded = pbrt::load(&a.scene).map_err(|e| Failure::Report(e.into()))?;
-    warn(&loaded.warnings);
-    let scene = build(&loaded.scene, a.open)?;
-    let d = &loaded.scene;
-    let integrator = Integrator {
-        seed: a.seed.unwrap_or(d.sampler.seed),
-        wavelengths: a.wavelengths,
-        roulette: Roulette::default(),
-        max_depth: match a.max_depth {
-            None => None,
-            Some(MaxDepth::Scene) => Some(d.integrator.max_depth),
-            Some(MaxDepth::Count(n)) => Some(n),
-        },
-    };
-    if a.max_depth.is_none() && d.integrator.max_depth < 100 {
-        tracing::info!(
-            "the file's maxdepth {} is not applied: light goes on until it is absorbed or leaves (--max-depth scene truncates as the file says)",
-            d.integrator.max_depth
-        );
+    // What is named on the command line is checked before a large scene is read.
+    if let Some(path) = &a.output {
+        prepare(path)?;
     }
-    if let Some([x, y]) = a.pixel {
-        return replay(a, d, &scene, &integrator, [x, y]);
+    let loaded = pbrt::load(&a.scene).map_err(Failure::Scene)?;
+    warn(&loaded.warnings);
+    let d = &loaded.scene;
+    let path = output_path(a, d);
+    if a.pixel.is_none() && a.output.is_none() {
+        prepare(&path)?;
+    }
+    let crop = crop(a, d)?;
+    let scene = build(d, a.open)?;
+    let integrator = integrator(a, d);
+    if let Some(pixel) = a.pixel {
+        return replay::run(a, d, &scene, &integrator, pixel);
     }
 
-    let path = output_path(a, d);
-    output::extension(&path)?;
-    let crop = match a.crop {
-        Some(c) if c[1] > d.film.width || c[3] > d.film.height => {
-            return Err(Failure::Usage(format!(
-                "--crop ends beyond the picture of {} x {} pixels",
-                d.film.width, d.film.height
-            )));
-        }
-        Some(c) => c,
-        None => d.film.crop,
-    };
     let aovs = a.aov.as_ref().map_or(&[][..], |l| &l.0);
-    let settings = settings(&loaded, &integrator, a, crop, aovs.iter().map(|a| a.name()).collect());
-    let checkpoint_path = with_suffix(&path, ".checkpoint");
-    let first = a.samples.map_or(0, |s| s.0);
-    let film = if a.resume {
-        resumed(&checkpoint_path, &settings)?
+    if !aovs.is_empty() && output::format(&path) == Some(output::Format::Png) {
+        tracing::warn!("a PNG file holds no layers; those of --aov are in the checkpoint alone");
+    }
+    let settings = Settings::new(&loaded, &integrator, a, crop, aovs);
+    let checkpoint_path = output::checkpoint_path(&path);
+    let asked = match (a.samples, a.spp, a.time, a.error) {
+        (Some((_, end)), ..) => Some(Budget::Samples(end)),
+        (_, Some(n), ..) => Some(Budget::Samples(n)),
+        (_, _, Some(t), _) => Some(Budget::Time(t)),
+        (.., e) => e.map(Budget::Error),
+    };
+    let by_scene = Budget::Samples(u64::from(d.sampler.samples));
+    let (film, budget) = if a.resume {
+        let (film, recorded) = resumed(&checkpoint_path, &settings, a, asked)?;
+        (film, asked.or(recorded).unwrap_or(by_scene))
     } else {
-        Film::new([d.film.width, d.film.height], crop, first, aovs)
+        let first = a.samples.map_or(0, |s| s.0);
+        (Film::new([d.film.width, d.film.height], crop, first, aovs), asked.unwrap_or(by_scene))
     };
-    let budget = match (a.samples, a.spp, a.time, a.error) {
-        (Some((_, end)), ..) => Budget::Samples(end),
-        (_, Some(n), ..) => Budget::Samples(n),
-        (_, _, Some(t), _) => Budget::Time(t),
-        (.., Some(e)) => Budget::Error(e),
-        _ => Budget::Samples(u64::from(d.sampler.samples)),
-    };
+
     let job = Job {
         scene: &scene,
         integrator: &integrator,
         film: &film,
         budget,
-        checkpoint: Some((checkpoint_path, settings.clone())),
-        checkpoint_every: (a.checkpoint_every > 0).then(|| Duration::from_secs(a.checkpoint_every)),
-        factor: d.film.imaging_ratio,
+        checkpoint: Some(Checkpoint {
+            path: checkpoint_path.clone(),
+            settings: settings.record(&budget),
+            every: Some(a.checkpoint_every).filter(|t| !t.is_zero()),
+        }),
+        factor: settings.factor(),
     };
-    let mut display = Display::connect(a.display.as_deref(), &path.display().to_string());
-    let done = job.run(&Progress::new(quiet), &mut display)?;
-    let picture = output::picture(&film, d.film.imaging_ratio, &attributes(&settings, &film))?;
-    output::write(&path, &picture)?;
-    report(&done, a.stats, &scene);
+    let display = Display::connect(a.display.as_deref(), &path.display().to_string());
+    let done = job.run(&Progress::new(bar), display)?;
+    let written = output::picture(&film, Some(&settings), settings.factor()).and_then(|p| output::write(&path, &p));
+    report::warnings(&done, &film);
+    if a.stats {
+        report::statistics(&done, &scene)?;
+    }
+    match (written, &done.saved) {
+        (Err(Failure::Run(e)), Ok(())) => {
+            return Err(Failure::Run(format!(
+                "{e}; all samples are safe in {}: --resume writes the picture without rendering them again",
+                checkpoint_path.display()
+            )));
+        }
+        (Err(e), _) => return Err(e),
+        (Ok(()), Err(e)) if done.interrupted => {
+            return Err(Failure::Run(format!(
+                "interrupted; {} is written, but not its checkpoint: {e}",
+                path.display()
+            )));
+        }
+        (Ok(()), Err(e)) => tracing::warn!("{e}; --resume will not be possible"),
+        (Ok(()), Ok(())) => {}
+    }
     if done.interrupted {
         return Err(Failure::Interrupted(format!(
             "interrupted; {} and its checkpoint are written, --resume goes on",
@@ -105,6 +110,46 @@ pub fn run(a: &Render, quiet: bool) -> Outcome {
     }
     tracing::info!("{}: {} samples per pixel in {:.1} s", path.display(), film.samples(), done.elapsed.as_secs_f64());
     Ok(())
+}
+
+/// Checks that a picture and its checkpoint can be written, and tidies up after a killed run.
+fn prepare(path: &Path) -> Outcome {
+    output::require_format(path)?;
+    for file in [path, &output::checkpoint_path(path)] {
+        output::check_writable(file)?;
+        output::remove_leftovers(file);
+    }
+    Ok(())
+}
+
+fn integrator(a: &Render, d: &SceneDescription) -> Integrator {
+    if a.max_depth.is_none() && d.integrator.max_depth < 100 {
+        tracing::info!(
+            "the file's maxdepth {} is not applied: light goes on until it is absorbed or leaves (--max-depth scene truncates as the file says)",
+            d.integrator.max_depth
+        );
+    }
+    Integrator {
+        seed: a.seed.unwrap_or(d.sampler.seed),
+        wavelengths: a.wavelengths,
+        roulette: Roulette::default(),
+        max_depth: match a.max_depth {
+            None => None,
+            Some(MaxDepth::Scene) => Some(d.integrator.max_depth),
+            Some(MaxDepth::Count(n)) => Some(n),
+        },
+    }
+}
+
+fn crop(a: &Render, d: &SceneDescription) -> Result<[u32; 4], Failure> {
+    match a.crop {
+        Some(c) if c[1] > d.film.width || c[3] > d.film.height => Err(Failure::Usage(format!(
+            "--crop ends beyond the picture of {} x {} pixels",
+            d.film.width, d.film.height
+        ))),
+        Some(c) => Ok(c),
+        None => Ok(d.film.crop),
+    }
 }
 
 /// Prints warnings of the reader or the scene.
@@ -141,137 +186,52 @@ pub fn build(d: &SceneDescription, open: Option<Open>) -> Result<Scene, Failure>
     Ok(scene)
 }
 
+/// Returns the picture to write: the one asked for, or the scene's in the current folder.
 fn output_path(a: &Render, d: &SceneDescription) -> PathBuf {
-    let named = || {
-        d.film.filename.as_ref().map(|f| PathBuf::from(f).file_name().map_or_else(|| PathBuf::from(f), PathBuf::from))
-    };
-    a.output.clone().or_else(named).unwrap_or_else(|| "moonmilk.exr".into())
-}
-
-fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
-    let mut s = path.as_os_str().to_owned();
-    s.push(suffix);
-    s.into()
-}
-
-/// Returns the text that must agree between a checkpoint and the run that resumes it.
-fn settings(loaded: &Loaded, integrator: &Integrator, a: &Render, crop: [u32; 4], aovs: Vec<&str>) -> String {
-    let wavelengths = match integrator.wavelengths {
-        WavelengthMode::Hero => "hero".into(),
-        WavelengthMode::Rgb => "rgb".into(),
-        WavelengthMode::Mono(nm) => format!("{nm} nm"),
-    };
-    let hash: String = loaded.hash.iter().map(|b| format!("{b:02x}")).collect();
-    let depth = integrator.max_depth.map_or_else(|| "none".into(), |d| d.to_string());
-    serde_json::json!({
-        "version": env!("CARGO_PKG_VERSION"),
-        "scene": hash,
-        "seed": integrator.seed.to_string(),
-        "wavelengths": wavelengths,
-        "subsurface": a.subsurface,
-        // Names the estimator, not the request: auto is classic in this version.
-        "walk": "classic",
-        "max_depth": depth,
-        "open": a.open.map_or_else(|| "refuse".into(), |o| format!("{o:?}").to_lowercase()),
-        "crop": crop,
-        "aov": aovs,
-        "factor": loaded.scene.film.imaging_ratio,
-    })
-    .to_string()
-}
-
-/// Reads the checkpoint to resume, and refuses one of another render.
-fn resumed(path: &Path, settings: &str) -> Result<Film, Failure> {
-    let (recorded, film) =
-        checkpoint::load(path).map_err(|e| Failure::Input(format!("{e}; without --resume the render starts anew")))?;
-    if recorded != settings {
-        let parse = |s: &str| serde_json::from_str::<serde_json::Map<String, serde_json::Value>>(s).unwrap_or_default();
-        let (old, new) = (parse(&recorded), parse(settings));
-        let differing: Vec<String> = new
-            .iter()
-            .filter(|(k, v)| old.get(*k) != Some(v))
-            .map(|(k, v)| {
-                format!("{k} is {v}, was {}", old.get(k).map_or_else(|| "absent".into(), ToString::to_string))
-            })
-            .collect();
-        return Err(Failure::Input(format!(
-            "{}: the checkpoint is of another render: {}",
-            path.display(),
-            differing.join("; ")
-        )));
+    if let Some(path) = &a.output {
+        return path.clone();
     }
-    Ok(film)
-}
-
-/// Returns what is recorded in the picture.
-pub fn attributes(settings: &str, film: &Film) -> Vec<(&'static str, Value)> {
-    let mut list = vec![
-        ("moonmilk.settings", Value::Text(settings.into())),
-        ("moonmilk.spp", Value::Text(film.samples().to_string())),
-    ];
-    if let Ok(map) = serde_json::from_str::<serde_json::Map<String, serde_json::Value>>(settings) {
-        for (key, name) in [("version", "moonmilk.version"), ("scene", "moonmilk.scene"), ("seed", "moonmilk.seed")] {
-            if let Some(serde_json::Value::String(s)) = map.get(key) {
-                list.push((name, Value::Text(s.clone())));
-            }
+    let named = d.film.filename.as_ref().and_then(|f| Path::new(f).file_name()).map(PathBuf::from);
+    match named {
+        None => "moonmilk.exr".into(),
+        Some(path) if output::format(&path).is_some() => path,
+        Some(path) => {
+            let exr = path.with_extension("exr");
+            tracing::info!("{} is written, since the file's {} is no .exr or .png", exr.display(), path.display());
+            exr
         }
     }
-    list
 }
 
-/// Renders one pixel and prints its samples.
-fn replay(a: &Render, d: &SceneDescription, scene: &Scene, integrator: &Integrator, pixel: [u32; 2]) -> Outcome {
-    if pixel[0] >= d.film.width || pixel[1] >= d.film.height {
-        return Err(Failure::Usage(format!(
-            "--pixel is outside the picture of {} x {} pixels",
-            d.film.width, d.film.height
-        )));
+/// Reads the checkpoint to resume and the budget it was made for; refuses one of another render.
+fn resumed(
+    path: &Path,
+    settings: &Settings,
+    a: &Render,
+    asked: Option<Budget>,
+) -> Result<(Film, Option<Budget>), Failure> {
+    let refuse = |reason: String| Failure::Input(format!("{}: {reason}", path.display()));
+    if !path.exists() {
+        return Err(refuse("there is no checkpoint to resume; without --resume the render starts anew".into()));
     }
-    let (from, to) = a.samples.unwrap_or((0, a.spp.unwrap_or(u64::from(d.sampler.samples))));
-    let mut statistics = Statistics::default();
-    let mut sum = [0.0f64; 3];
-    println!("sample,R,G,B");
-    for s in from..to {
-        let v = session::sample(scene, integrator, pixel, s, &mut statistics.counters);
-        println!("{s},{},{},{}", v.rgb[0], v.rgb[1], v.rgb[2]);
-        sum.iter_mut().zip(v.rgb).for_each(|(a, b)| *a += f64::from(b));
+    let (text, film) =
+        checkpoint::load(path).map_err(|e| Failure::Input(format!("{e}; without --resume the render starts anew")))?;
+    let (recorded, budget) =
+        Settings::parse(&text).ok_or_else(|| refuse("its settings cannot be read; remove it to start anew".into()))?;
+    let mut differences = settings.differences(&recorded);
+    // A range that is asked for must begin where the recorded one does.
+    let first = a.samples.map(|s| s.0).or(asked.map(|_| 0)).unwrap_or(film.first);
+    if first != film.first {
+        differences.push(format!("the first sample is {first}, was {}", film.first));
     }
-    let n = (to - from) as f64;
-    eprintln!("mean of {n} samples: {:.6} {:.6} {:.6}", sum[0] / n, sum[1] / n, sum[2] / n);
-    Ok(())
-}
-
-/// Reports invalid samples always, and all figures on request.
-pub fn report(done: &Done, all: bool, scene: &Scene) {
-    let Statistics { counters: c, invalid, examples, samples } = &done.statistics;
-    if *invalid > 0 {
-        let list: Vec<String> = examples
-            .iter()
-            .map(|e| format!("pixel {},{} sample {} ({:?})", e.pixel[0], e.pixel[1], e.sample, e.rgb))
-            .collect();
-        tracing::warn!(
-            "{invalid} invalid samples were left out; replay with --pixel X,Y --samples N..N+1: {}",
-            list.join("; ")
-        );
+    if !differences.is_empty() {
+        return Err(refuse(format!("the checkpoint is of another render: {}", differences.join("; "))));
     }
-    if c.lost > 0 || c.endless > 0 {
-        tracing::warn!(
-            "{} paths left through holes of their object and {} never ended; their light is missing",
-            c.lost,
-            c.endless
-        );
+    let held = film.first + output::levels(&film)[1];
+    if let Some(Budget::Samples(end)) = asked
+        && held > end
+    {
+        return Err(refuse(format!("it holds samples up to {held} per pixel already, {end} are asked for")));
     }
-    if all {
-        let s = done.elapsed.as_secs_f64();
-        println!("samples             {samples} in {s:.2} s ({:.3e} per s)", *samples as f64 / s);
-        println!("collisions          {} ({:.3e} per s)", c.collisions, c.collisions as f64 / s);
-        println!("rays                {} outside, {} segments inside, {} to lights", c.rays, c.segments, c.shadow_rays);
-        println!(
-            "closed bodies       {} entered, {} left, {} ended inside, {} set back, {} lost",
-            c.entered, c.left, c.ended_inside, c.rescued, c.lost
-        );
-        println!("sides               {} hits contrary to the known side", c.contrary);
-        println!("invalid, endless    {invalid}, {}", c.endless);
-        println!("scene               {:.1} MB", scene.memory() as f64 / 1e6);
-    }
+    Ok((film, budget))
 }

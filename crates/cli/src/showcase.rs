@@ -4,7 +4,6 @@ use std::path::Path;
 use std::time::Duration;
 
 use moonmilk_core::wavelengths::WavelengthMode;
-use moonmilk_io::image::Value;
 use moonmilk_io::pbrt;
 use moonmilk_render::film::Film;
 use moonmilk_render::integrator::Integrator;
@@ -16,16 +15,22 @@ use crate::display::Display;
 use crate::failure::Failure;
 use crate::job::Job;
 use crate::progress::Progress;
-use crate::{output, render};
+use crate::{output, render, report};
 
 /// Time spent on the picture: with reading, building and writing within a minute.
 const TIME: Duration = Duration::from_secs(50);
 
+/// The pictures written.
+const NAMES: [&str; 2] = ["moonmilk.exr", "moonmilk.png"];
+
 /// Renders the showcase into the current folder.
-pub fn run(quiet: bool) -> Outcome {
+pub fn run(bar: bool) -> Outcome {
+    for name in NAMES {
+        output::check_writable(Path::new(name))?;
+    }
     let loaded =
         pbrt::load_with(&moonmilk_io::showcase::Embedded, moonmilk_io::showcase::SCENE, &pbrt::Options::default())
-            .map_err(|e| Failure::Report(e.into()))?;
+            .map_err(Failure::Scene)?;
     render::warn(&loaded.warnings);
     let d = &loaded.scene;
     let scene = render::build(d, None)?;
@@ -42,21 +47,16 @@ pub fn run(quiet: bool) -> Outcome {
         film: &film,
         budget: Budget::Time(TIME),
         checkpoint: None,
-        checkpoint_every: None,
         factor: d.film.imaging_ratio,
     };
     tracing::info!("rendering the showcase for {} s; moonmilk render SCENE renders yours", TIME.as_secs());
-    let done = job.run(&Progress::new(quiet), &mut Display::connect(None, "moonmilk"))?;
+    let done = job.run(&Progress::new(bar), Display::connect(None, "moonmilk"))?;
     let error = film.develop(1.0).relative_error();
-    let attributes = [
-        ("moonmilk.version", Value::Text(env!("CARGO_PKG_VERSION").into())),
-        ("moonmilk.spp", Value::Text(film.samples().to_string())),
-    ];
-    let picture = output::picture(&film, d.film.imaging_ratio, &attributes)?;
-    for name in ["moonmilk.exr", "moonmilk.png"] {
+    let picture = output::picture(&film, None, d.film.imaging_ratio)?;
+    for name in NAMES {
         output::write(Path::new(name), &picture)?;
     }
-    render::report(&done, false, &scene);
+    report::warnings(&done, &film);
     if done.interrupted {
         return Err(Failure::Interrupted("interrupted; moonmilk.png and moonmilk.exr hold what was done".into()));
     }

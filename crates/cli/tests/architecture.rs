@@ -60,7 +60,10 @@ fn nothing_below_the_program_prints_or_exits_or_reads_the_clock() {
             for entry in fs::read_dir(&folder).expect("a source folder") {
                 let path = entry.expect("readable").path();
                 if path.is_dir() {
-                    folders.push(path);
+                    // Tests in a folder of their own may print as well.
+                    if path.file_name().is_some_and(|n| n != "tests") {
+                        folders.push(path);
+                    }
                     continue;
                 }
                 let file = path.file_name().and_then(|n| n.to_str()).unwrap_or_default().to_owned();

@@ -16,6 +16,12 @@ use thiserror::Error;
 
 const MAGIC: &[u8; 8] = b"MOONMILK";
 
+/// No deflate stream expands further: 1032 bytes out of one.
+const LARGEST_EXPANSION: u64 = 1032;
+
+/// Largest number of samples per pixel that is believed.
+const MOST_SAMPLES: u64 = 1 << 48;
+
 /// Largest decompressed checkpoint that is read [bytes]: a picture of 2^27 pixels.
 const LARGEST: u64 = 1 << 35;
 
@@ -114,17 +120,36 @@ pub fn load(path: &Path) -> Result<(String, Film), CheckpointError> {
     }
     let first = get(&mut z)?;
     let bits = get(&mut z)?;
+    if bits >> Aov::ALL.len() != 0 || first > MOST_SAMPLES {
+        return Err(damaged("its layers or samples are out of range"));
+    }
     let aovs: Vec<Aov> = Aov::ALL.iter().enumerate().filter(|(i, _)| bits >> i & 1 == 1).map(|(_, a)| *a).collect();
+    // Memory is asked for only if the file can hold that much.
+    let per_pixel = {
+        let one = Film::new([1, 1], [0, 1, 0, 1], 0, &aovs);
+        let tile = one.tile(0);
+        tile.sums.len() + tile.extra.len()
+    };
+    let bytes = u64::from(x1 - x0) * u64::from(y1 - y0) * per_pixel as u64 * 8;
+    if bytes > LARGEST_EXPANSION * file.len() as u64 {
+        return Err(damaged("it is too short for its size"));
+    }
     let film = Film::new([w, h], [x0, x1, y0, y1], first, &aovs);
     for i in 0..film.tile_count() {
         let mut t = film.tile(i);
         t.samples = get(&mut z)?;
+        if t.samples > MOST_SAMPLES {
+            return Err(damaged("its layers or samples are out of range"));
+        }
         let mut bytes = vec![0; (t.sums.len() + t.extra.len()) * 8];
         z.read_exact(&mut bytes).map_err(short)?;
         let mut values =
             bytes.chunks_exact(8).map(|c| i64::from_le_bytes(c.try_into().expect("chunks of eight bytes")));
         let t = &mut *t;
         t.sums.iter_mut().chain(&mut t.extra).for_each(|s| *s = values.next().expect("as many values as sums"));
+    }
+    if z.read(&mut [0]).map_err(short)? != 0 {
+        return Err(damaged("it does not end where it should"));
     }
     Ok((settings, film))
 }
@@ -160,6 +185,17 @@ mod tests {
         *bad.last_mut().expect("not empty") ^= 1;
         std::fs::write(&path, &bad).expect("written");
         assert!(load(&path).is_err());
+        // A hash is no promise that a size is meant: a short file that claims 2^26 pixels must not cost their memory.
+        for (pixels, tail, reason) in [(8192u64, 0, "it is too short for its size"), (1, 9, "it does not end")] {
+            let mut z = ZlibEncoder::new(Vec::new(), Compression::fast());
+            let numbers = [0, pixels, pixels, 0, pixels, 0, pixels, 0, 0].into_iter().chain([0; 25]);
+            let body: Vec<u8> = numbers.flat_map(u64::to_le_bytes).chain(vec![0; tail]).collect();
+            z.write_all(&body).expect("in memory");
+            let body = z.finish().expect("in memory");
+            std::fs::write(&path, [&MAGIC[..], blake3::hash(&body).as_bytes(), &body].concat()).expect("written");
+            let error = load(&path).expect_err("refused").to_string();
+            assert!(error.contains(reason), "{error}");
+        }
         std::fs::remove_dir_all(&dir).expect("removed");
     }
 }

@@ -3,7 +3,7 @@
 //! Contributions are rounded to whole multiples of [`QUANTUM`] and added as integers, so that any split of the work, any
 //! order, any number of threads, and any stop, resume or merge gives the same bits. Rounding is random with a number keyed
 //! like all others (floor(x / q + u)), so that its expectation is exact. Samples are dealt to
-//! [`SCRAMBLINGS`](moonmilk_core::random::SCRAMBLINGS) independent scramblings, summed apart: their spread is the variance.
+//! [`SCRAMBLINGS`] independent scramblings, summed apart: their spread is the variance.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -13,7 +13,7 @@ use moonmilk_core::random::SCRAMBLINGS;
 pub const QUANTUM: f64 = 1.0 / 4_194_304.0;
 /// Largest magnitude of a sample: 2^24, so that 2^16 samples per scrambling fit (2^24 times 2^16 times 2^22 < 2^63).
 pub const LARGEST: f32 = 16_777_216.0;
-/// Edge length of a tile [pixels].
+/// Edge length of a tile \[pixels\].
 pub const TILE: u32 = 16;
 
 const K: usize = SCRAMBLINGS as usize;
@@ -101,9 +101,9 @@ pub struct Tile {
     pub x0: u32,
     /// First pixel, y.
     pub y0: u32,
-    /// Width [pixels].
+    /// Width \[pixels\].
     pub width: u32,
-    /// Height [pixels].
+    /// Height \[pixels\].
     pub height: u32,
     /// Samples per pixel so far: those numbered `first..first + samples` of the film.
     pub samples: u64,
@@ -123,7 +123,7 @@ pub struct TileUpdate {
 /// The exact sums of a picture.
 #[derive(Debug)]
 pub struct Film {
-    /// Full size of the picture [pixels].
+    /// Full size of the picture \[pixels\].
     pub size: [u32; 2],
     /// Pixels rendered: x0, x1, y0, y1, end exclusive.
     pub crop: [u32; 4],
@@ -137,9 +137,9 @@ pub struct Film {
 /// Finished pictures of a film.
 #[derive(Clone, Debug)]
 pub struct Developed {
-    /// Width of the crop [pixels].
+    /// Width of the crop \[pixels\].
     pub width: u32,
-    /// Height of the crop [pixels].
+    /// Height of the crop \[pixels\].
     pub height: u32,
     /// Mean radiance, row-major linear sRGB.
     pub rgb: Vec<[f32; 3]>,
@@ -292,7 +292,8 @@ impl Film {
         upto(self.first + n) - upto(self.first)
     }
 
-    /// Returns means, variances and additional pictures; `factor` multiplies colour (the film's imaging ratio).
+    /// Returns means, variances and additional pictures; `factor` (the film's imaging ratio) multiplies colour and the
+    /// layers that are parts of it.
     pub fn develop(&self, factor: f32) -> Developed {
         let [x0, x1, y0, y1] = self.crop;
         let (w, h) = (x1 - x0, y1 - y0);
@@ -300,6 +301,14 @@ impl Film {
         let stride = self.extra_channels();
         let names: Vec<&'static str> =
             self.aovs.iter().filter(|a| **a != Aov::Variance).flat_map(|a| a.channels()).copied().collect();
+        // Layers that are parts of the picture share its factor.
+        let is_radiance = |a: &Aov| matches!(a, Aov::Order | Aov::Subsurface | Aov::Diffuse);
+        let radiance: Vec<bool> = self
+            .aovs
+            .iter()
+            .filter(|a| **a != Aov::Variance)
+            .flat_map(|a| std::iter::repeat_n(is_radiance(a), a.channels().len()))
+            .collect();
         let mut out = Developed {
             width: w,
             height: h,
@@ -326,7 +335,8 @@ impl Film {
                     out.variance[at][c] = between(&dealt, t.samples, |k| f * sum(k) as f64, mean) as f32;
                 }
                 for (j, (_, values)) in out.extra.iter_mut().enumerate() {
-                    values[at] = (t.extra[p * stride + j] as f64 * QUANTUM / t.samples as f64) as f32;
+                    let f = if radiance[j] { f } else { QUANTUM };
+                    values[at] = (t.extra[p * stride + j] as f64 * f / t.samples as f64) as f32;
                 }
             }
         }

@@ -1,0 +1,15 @@
+//! The program as its users meet it: processes, files, signals, exit codes.
+//!
+//! Scenes are small texts written to temporary folders. `MOONMILK_SLOW=1` repeats what is random more often.
+#![cfg(unix)]
+
+mod common;
+
+mod budgets;
+mod display;
+mod errors;
+mod exactness;
+mod honesty;
+mod interruptions;
+mod layers;
+mod usage;
