@@ -7,7 +7,7 @@ use moonmilk_geometry::{Clearance, Facing, Hit, Ray, Surface};
 use moonmilk_walk::{Domain, Walker, domain::Wall};
 
 use crate::bsdf::{Crossing, cross};
-use crate::scene::{Boundary, Scene};
+use crate::scene::{Boundary, Scene, Side};
 
 /// What a path stands on, and on which side of it: decides which hits count next.
 #[derive(Clone, Copy, Debug)]
@@ -22,6 +22,16 @@ pub enum Standing {
     Outside(Hit),
     /// The inner side of a closed object.
     Inside(Hit),
+}
+
+impl Standing {
+    /// Returns the shape stood on.
+    fn shape(&self) -> Option<u32> {
+        match self {
+            Standing::Space => None,
+            Standing::On(h) | Standing::Through(h) | Standing::Outside(h) | Standing::Inside(h) => Some(h.shape),
+        }
+    }
 }
 
 /// Closed objects that a path is inside of, innermost last.
@@ -85,6 +95,8 @@ pub(crate) struct Interior<'a> {
     scene: &'a Scene,
     /// The closed object, if it is known which.
     object: Option<u32>,
+    /// The object beyond whose box a walk is lost: the closed one, or a translucent one with holes that the walk starts on.
+    confines: Option<u32>,
     facing: Facing,
     clearance: Option<&'a Clearance>,
     /// Index of the smooth boundary that is crossed inside the walk; `None` if the integrator is to decide.
@@ -101,6 +113,13 @@ impl<'a> Interior<'a> {
         Self {
             scene,
             object,
+            // In vacuum around it, a walk in a medium is inside.
+            confines: object.or_else(|| {
+                start.shape().filter(|&shape| {
+                    let o = &scene.objects[shape as usize];
+                    o.inside == Side::Own && o.outside == Side::Vacuum
+                })
+            }),
             facing: body.map_or(Facing::Any, Facing::Exiting),
             clearance: object.filter(|_| body.is_some()).map(|i| scene.clearance(i)),
             smooth: match o.map(|o| o.boundary) {
@@ -192,6 +211,6 @@ impl<const N: usize> Domain<N> for Interior<'_> {
 
     #[inline]
     fn is_outside(&self, p: Vec3) -> bool {
-        self.object.is_some_and(|i| !self.scene.objects[i as usize].reach.contains(p))
+        self.confines.is_some_and(|i| !self.scene.objects[i as usize].reach.contains(p))
     }
 }
