@@ -11,19 +11,20 @@ use crate::values;
 
 const EXAMPLES: &str = "\
 Examples:
-  moonmilk                                       the built-in showcase: moonmilk.png and moonmilk.exr, within a minute
-  moonmilk render dragon.pbrt -o dragon.exr      a scene of yours
-  moonmilk render dragon.pbrt --error 1%         until the noise is one per cent of the mean
-  moonmilk render dragon.pbrt --time 5m          for five minutes
-  moonmilk render dragon.pbrt --spp 512 --resume goes on where an interrupted or shorter run ended
-  moonmilk diff test.exr reference.exr           how two pictures differ, and whether it is more than noise
+  moonmilk                                 the showcase: moonmilk.png and .exr within a minute
+  moonmilk render a.pbrt -o a.exr          a scene of yours
+  moonmilk render a.pbrt --error 1%        until the noise is one per cent of the mean
+  moonmilk render a.pbrt --time 5m         for five minutes
+  moonmilk render a.pbrt --resume          goes on with an interrupted run
+  moonmilk render a.pbrt --resume --spp 512  goes on to more samples
+  moonmilk diff a.exr reference.exr        how two pictures differ, and whether by more than noise
 
-`moonmilk help render` explains every option. Exit codes: 0 done, 1 failed, 2 wrong usage, 3 wrong scene or input, 4 a check
-failed, 130 interrupted with the checkpoint written.";
+`moonmilk help render` explains every option. Exit codes: 0 done, 1 failed, 2 wrong usage,
+3 wrong scene or input, 4 a check failed, 130 interrupted with the checkpoint written.";
 
 /// Renders translucent materials exactly, and measures pictures. Without a command it renders the built-in showcase.
 #[derive(Debug, Parser)]
-#[command(name = "moonmilk", version, propagate_version = true, after_help = EXAMPLES, max_term_width = 110)]
+#[command(name = "moonmilk", version, propagate_version = true, after_help = EXAMPLES, max_term_width = 100)]
 pub struct Cli {
     /// What to do.
     #[command(subcommand)]

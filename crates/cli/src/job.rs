@@ -94,6 +94,17 @@ fn interruption() -> Arc<AtomicBool> {
     }))
 }
 
+/// Lets the first panic print its message and silences the rest: one fault strikes in every tile.
+fn tell_one_panic_alone() {
+    static TOLD: AtomicBool = AtomicBool::new(false);
+    let hook = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |info| {
+        if !TOLD.swap(true, Ordering::SeqCst) {
+            hook(info);
+        }
+    }));
+}
+
 /// What the threads of a job share.
 struct Shared {
     start: Instant,
@@ -112,6 +123,7 @@ impl Job<'_> {
     /// *Errors*: rendering panicked, which is a bug; the checkpoint is written all the same.
     pub fn run(&self, progress: &Progress, mut display: Display) -> Result<Done, Failure> {
         let interrupted = interruption();
+        tell_one_panic_alone();
         let shared = Shared {
             start: Instant::now(),
             first: self.film.first + self.film.samples(),

@@ -92,6 +92,9 @@ pub fn run(a: &Render, bar: bool) -> Outcome {
                 checkpoint_path.display()
             )));
         }
+        (Err(Failure::Run(e)), Err(saved)) => {
+            return Err(Failure::Run(format!("{e}; nor could the last checkpoint be written: {saved}")));
+        }
         (Err(e), _) => return Err(e),
         (Ok(()), Err(e)) if done.interrupted => {
             return Err(Failure::Run(format!(
