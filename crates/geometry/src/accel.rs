@@ -212,6 +212,16 @@ impl Accel {
         (p, if shape.reverse { -n } else { n })
     }
 
+    /// Returns point, unit geometric normal and unit shading normal at a hit: what a refractive wall needs.
+    #[inline]
+    pub fn point_and_normals(&self, ray: &Ray, hit: &Hit) -> (Vec3, Vec3, Vec3) {
+        let (p, ng) = self.point_and_normal(ray, hit);
+        let Some(m) = self.shapes[hit.shape as usize].mesh().filter(|m| !m.normals().is_empty()) else {
+            return (p, ng, ng);
+        };
+        (p, ng, shading_normal(m, hit.index, [1.0 - hit.b[0] - hit.b[1], hit.b[0], hit.b[1]], ng))
+    }
+
     /// Returns the surface at a point of a triangle given by barycentric weights, e.g. one sampled on a light.
     pub fn triangle_surface(&self, shape: u32, triangle: u32, b: [f32; 2]) -> Option<Surface> {
         let s = &self.shapes[shape as usize];
@@ -412,6 +422,18 @@ fn interpolate([p0, p1, p2]: [Vec3; 3], b: [f32; 2]) -> Vec3 {
     p0 * (1.0 - b[0] - b[1]) + p1 * b[0] + p2 * b[1]
 }
 
+/// Interpolates the normals of a triangle and brings the result to the geometric normal's side.
+#[inline]
+fn shading_normal(m: &Mesh, triangle: u32, w: [f32; 3], ng: Vec3) -> Vec3 {
+    let corner = m.indices()[triangle as usize];
+    let sum: Vec3 = corner.iter().zip(w).map(|(&v, w)| m.normals()[v as usize] * w).sum();
+    match sum.try_normalize() {
+        Some(n) if n.dot(ng) < 0.0 => -n,
+        Some(n) => n,
+        None => ng,
+    }
+}
+
 fn mesh_surface(m: &Mesh, triangle: u32, b: [f32; 2], reverse: bool) -> Surface {
     let [p0, p1, p2] = m.corners(triangle);
     let corner = m.indices()[triangle as usize];
@@ -421,14 +443,7 @@ fn mesh_surface(m: &Mesh, triangle: u32, b: [f32; 2], reverse: bool) -> Surface 
         ng = -ng;
     }
 
-    // Interpolate the normals and bring them to the geometric normal's side.
-    let mut ns = ng;
-    if !m.normals().is_empty() {
-        let sum: Vec3 = corner.iter().zip(w).map(|(&v, w)| m.normals()[v as usize] * w).sum();
-        if let Some(n) = sum.try_normalize() {
-            ns = if n.dot(ng) < 0.0 { -n } else { n };
-        }
-    }
+    let ns = if m.normals().is_empty() { ng } else { shading_normal(m, triangle, w, ng) };
 
     // Invert the map from (u, v) to the triangle's plane.
     let uvs = if m.uvs().is_empty() { [Vec2::ZERO, Vec2::X, Vec2::ONE] } else { corner.map(|v| m.uvs()[v as usize]) };

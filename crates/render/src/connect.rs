@@ -10,6 +10,7 @@ use crate::interior::{Interior, Nest, Standing};
 use crate::lights::LightSample;
 use crate::scene::{Boundary, Object, Scene};
 use crate::texture::TexturePoint;
+use crate::through::Through;
 
 /// Share of a shadow ray's length that is left out at its end, where the light itself is: a relative length.
 const END: f32 = 1.0 - 1e-4;
@@ -179,6 +180,8 @@ pub(crate) struct InMedium<'a, 'b, const N: usize> {
     pub interior: &'b Interior<'a>,
     pub inside: Nest,
     pub connects: bool,
+    /// Connections through the object's boundary.
+    pub through: Option<Through<'a>>,
 }
 
 impl<const N: usize> Tally<N, Sampler> for InMedium<'_, '_, N> {
@@ -186,6 +189,11 @@ impl<const N: usize> Tally<N, Sampler> for InMedium<'_, '_, N> {
     fn collision(&mut self, walker: &mut Walker<N>, medium: &Medium<N>, arrived: Spectrum<N>, rng: &mut Sampler) {
         if let Some(emission) = medium.emission {
             self.light.add(walker.collisions - 1, arrived * medium.sigma_a * emission);
+        }
+        if let Some(through) = &self.through {
+            let (beta, room) = (arrived * medium.sigma_s, self.interior.room_at(walker.p));
+            let start = through.connect(walker, medium, beta, room, self.wavelengths, rng, self.light, self.counters);
+            self.interior.set_start(start);
         }
         if self.connects {
             // Look for light less often where little can come through: the transmittance to the wall, at most
@@ -201,7 +209,7 @@ impl<const N: usize> Tally<N, Sampler> for InMedium<'_, '_, N> {
 
     #[inline]
     fn connects(&self) -> bool {
-        self.connects
+        self.connects || self.through.is_some()
     }
 }
 

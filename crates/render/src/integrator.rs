@@ -2,23 +2,25 @@
 //!
 //! A path starts at the camera. Outside media it goes from surface to surface, with light sampling and multiple importance
 //! sampling; inside a medium it is handed to the walk of `moonmilk-walk`, which returns it at a wall. Smooth refractive
-//! walls with nothing else to decide are crossed inside the walk ([`crate::interior`]).
+//! walls with nothing else to decide are crossed inside the walk (`interior.rs`).
 //!
 //! *Weights.* `beta` and `ratio` are those of [`moonmilk_walk::Walker`]: weight over the mean density of the wavelengths, and
 //! density of each over that mean. `direction_pdf` is the density with which the last direction was drawn times the mean
 //! probability of getting through the media since; a light that is hit and could have been sampled with density p_l
-//! counts with 1 / (1 + p_l / direction_pdf): the balance heuristic over wavelengths and strategies [Miller2019].
+//! counts with 1 / (1 + p_l / direction_pdf): the balance heuristic over wavelengths and strategies \[Miller2019\].
 
 use moonmilk_core::{Random, Sampler, Spectrum, Vec3};
 use moonmilk_core::{WavelengthMode, Wavelengths};
 use moonmilk_geometry::{Facing, Hit, NONE, Ray, Surface};
 use moonmilk_walk::{Medium, Outcome, Roulette, Walker, classic};
 
+use crate::bsdf::boundary::branches;
 use crate::bsdf::{Bsdf, Crossing, Kind};
 use crate::connect;
 use crate::interior::{Exit, Interior, Nest, Standing};
 use crate::scene::{Boundary, Object, Scene};
 use crate::texture::TexturePoint;
+use crate::through::{Escape, Through};
 
 /// Number of events after which a path is given up and counted: no path of a scene with any loss gets there.
 const ENDLESS: u64 = 1 << 24;
@@ -129,6 +131,7 @@ impl Counters {
 }
 
 /// A path on its way.
+#[derive(Clone)]
 pub(crate) struct Path<const N: usize> {
     pub walker: Walker<N>,
     /// Medium around the walker, `None` for vacuum.
@@ -146,6 +149,10 @@ pub(crate) struct Path<const N: usize> {
     pub bounces: u32,
     /// Whether a surface was seen.
     pub seen: bool,
+    /// Whether the next smooth boundary may be followed on both branches: true up to the first one.
+    pub whole: bool,
+    /// The boundary that the last flight left through, where connections compete for the light that it meets next.
+    pub escape: Option<Escape>,
 }
 
 impl Integrator {
@@ -170,17 +177,32 @@ impl Integrator {
             depth: 0,
             bounces: 0,
             seen: false,
+            whole: true,
+            escape: None,
         };
-        let mut events = 0u64;
         let start = path.walker.collisions;
-        while self.step(scene, &mut path, wavelengths, rng, light, counters) {
+        self.follow(scene, &mut path, wavelengths, rng, light, counters);
+        counters.collisions += u64::from(path.walker.collisions - start);
+    }
+
+    /// Follows a path to its end.
+    fn follow<const N: usize>(
+        &self,
+        scene: &Scene,
+        path: &mut Path<N>,
+        wavelengths: &Wavelengths<N>,
+        rng: &mut Sampler,
+        light: &mut Light<N>,
+        counters: &mut Counters,
+    ) {
+        let mut events = 0u64;
+        while self.step(scene, path, wavelengths, rng, light, counters) {
             events += 1;
             if events + u64::from(path.walker.collisions) > ENDLESS {
                 counters.endless += 1;
                 break;
             }
         }
-        counters.collisions += u64::from(path.walker.collisions - start);
     }
 
     /// Advances to the next surface and through it; returns whether the path goes on.
@@ -201,11 +223,24 @@ impl Integrator {
         }
 
         // Walk inside the medium until a wall leaves something to decide.
-        let interior = Interior::new(scene, path.inside.innermost(), self.max_depth.is_some(), path.standing);
+        let through = match self.max_depth {
+            None => Through::new(scene, path.inside.innermost(), &medium, wavelengths),
+            Some(_) => None,
+        };
+        let interior = Interior::new(scene, path.inside.innermost(), self.max_depth.is_some(), path.standing, through);
         let collisions = path.walker.collisions;
         let limit = self.max_depth.map_or(u32::MAX, |m| m - path.depth.min(m));
         let connects = !scene.lights.is_empty() && interior.connects();
-        let mut tally = connect::InMedium { scene, wavelengths, light, counters, interior: &interior, inside: path.inside, connects };
+        let mut tally = connect::InMedium {
+            scene,
+            wavelengths,
+            light,
+            counters,
+            interior: &interior,
+            inside: path.inside,
+            connects,
+            through,
+        };
         let limits = classic::Limits { roulette: self.roulette, collisions: collisions.saturating_add(limit) };
         let outcome = classic::walk(&interior, &medium, &limits, &mut path.walker, &mut tally, rng);
         counters.segments += interior.segments();
@@ -215,7 +250,8 @@ impl Integrator {
             path.normal = None;
         }
         match outcome {
-            Outcome::Left(Exit::Outside(hit)) => {
+            Outcome::Left(Exit::Outside(hit, escape)) => {
+                path.escape = escape;
                 counters.left += 1;
                 let object = &scene.objects[hit.shape as usize];
                 path.leave(scene, object, hit.shape, wavelengths);
@@ -341,14 +377,19 @@ impl Integrator {
     ) -> bool {
         let object = &scene.objects[hit.shape as usize];
         let wo = -path.walker.d;
+        let escape = path.escape.take();
 
         // Add what the surface emits, shared with light sampling.
         if let Some(l) = scene.lights.light_of(hit.shape, hit.index) {
             let radiance = scene.lights.emitted(l, surface.uv, surface.ng, wo, wavelengths);
             if !radiance.is_black() {
-                let share = path.walker.direction_pdf.map_or(1.0, |pdf| {
-                    balance(pdf, scene.lights.pdf_hit(path.walker.scatter_point, path.normal, l, surface.p))
-                });
+                let share = match (path.walker.direction_pdf, escape) {
+                    (Some(pdf), _) => {
+                        balance(pdf, scene.lights.pdf_hit(path.walker.scatter_point, path.normal, l, surface.p))
+                    }
+                    (None, Some(escape)) if object.alpha.is_none() => escape.share(scene, wavelengths, counters),
+                    (None, _) => 1.0,
+                };
                 light.add(path.walker.collisions, path.walker.beta * radiance * share);
             }
         }
@@ -384,7 +425,12 @@ impl Integrator {
 
         // Cross smooth refractive boundaries by the reciprocal rule.
         if let Boundary::Smooth { eta } = object.boundary {
-            match crate::bsdf::cross(wo, surface.ng, surface.ns, eta, rng) {
+            let outcome = if std::mem::take(&mut path.whole) {
+                self.split(scene, path, hit, surface, eta, wavelengths, rng, light, counters)
+            } else {
+                crate::bsdf::cross(wo, surface.ng, surface.ns, eta, rng)
+            };
+            match outcome {
                 Crossing::Reflected(d) => {
                     path.turn(d, None);
                     path.stand(object, hit, wo.dot(surface.ng) > 0.0);
@@ -429,6 +475,59 @@ impl Integrator {
             path.stand(object, hit, outward);
         }
         self.survives(path, rng)
+    }
+
+    /// Follows the reflected branch of the camera's first smooth boundary with its probability as weight, and leaves the other to
+    /// the caller: a bright mirror image seen by one sample in twenty would be most of a pixel's noise.
+    #[allow(clippy::too_many_arguments)]
+    fn split<const N: usize>(
+        &self,
+        scene: &Scene,
+        path: &mut Path<N>,
+        hit: Hit,
+        surface: &Surface,
+        eta: f32,
+        wavelengths: &Wavelengths<N>,
+        rng: &mut Sampler,
+        light: &mut Light<N>,
+        counters: &mut Counters,
+    ) -> Crossing {
+        let wo = -path.walker.d;
+        let branches = branches(wo, surface.ng, surface.ns, eta);
+        let is_reflected = |c: &Crossing| matches!(c, Crossing::Reflected(_));
+        let share = |reflected| branches.iter().filter(|b| is_reflected(&b.1) == reflected).map(|b| b.0).sum::<f32>();
+        let (reflected, transmitted) = (share(true), share(false));
+        // Choose among the outcomes of one kind in proportion to their probabilities.
+        let pick = |kind: bool, total: f32, u: f32| {
+            let mut left = u * total;
+            let mut last = None;
+            for (p, c) in branches.iter().filter(|b| is_reflected(&b.1) == kind && b.0 > 0.0) {
+                last = Some(*c);
+                left -= p;
+                if left < 0.0 {
+                    break;
+                }
+            }
+            last
+        };
+        let (u, v) = (rng.uniform(), rng.uniform());
+        match (pick(true, reflected, u), pick(false, transmitted, v)) {
+            (Some(Crossing::Reflected(d)), Some(other)) => {
+                let mut mirror = path.clone();
+                mirror.walker.beta *= reflected;
+                mirror.turn(d, None);
+                mirror.stand(&scene.objects[hit.shape as usize], hit, wo.dot(surface.ng) > 0.0);
+                mirror.bounces += 1;
+                let start = mirror.walker.collisions;
+                self.follow(scene, &mut mirror, wavelengths, rng, light, counters);
+                counters.collisions += u64::from(mirror.walker.collisions - start);
+                path.walker.beta *= transmitted;
+                other
+            }
+            (Some(only), _) | (None, Some(only)) => only,
+            // Probabilities sum to 1, so that some outcome is possible.
+            (None, None) => crate::bsdf::cross(wo, surface.ng, surface.ns, eta, rng),
+        }
     }
 
     /// Ends paths of little weight, keeping the mean.

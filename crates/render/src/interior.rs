@@ -8,6 +8,7 @@ use moonmilk_walk::{Domain, Walker, domain::Wall};
 
 use crate::bsdf::{Crossing, cross};
 use crate::scene::{Boundary, Scene, Side};
+use crate::through::{Escape, Start, Through};
 
 /// What a path stands on, and on which side of it: decides which hits count next.
 #[derive(Clone, Copy, Debug)]
@@ -83,9 +84,9 @@ impl Nest {
 
 /// How a walk left.
 #[derive(Clone, Copy, Debug)]
-pub enum Exit {
-    /// Refracted through the object's own smooth boundary; the walker flies outside already.
-    Outside(Hit),
+pub(crate) enum Exit {
+    /// Refracted through the object's own smooth boundary; the walker flies outside already. With what connections know of it.
+    Outside(Hit, Option<Escape>),
     /// It arrived at a surface where the integrator decides.
     Surface(Hit, Surface),
 }
@@ -103,11 +104,20 @@ pub(crate) struct Interior<'a> {
     smooth: Option<f32>,
     start: Standing,
     segments: Cell<u64>,
+    /// Connections through the object's boundary, and the collision where the present flight began.
+    through: Option<Through<'a>>,
+    began: Cell<Option<Start>>,
 }
 
 impl<'a> Interior<'a> {
     /// Returns the surroundings of a walk that starts on `standing`. `count_all` hands every surface to the integrator.
-    pub fn new(scene: &'a Scene, object: Option<u32>, count_all: bool, start: Standing) -> Self {
+    pub fn new(
+        scene: &'a Scene,
+        object: Option<u32>,
+        count_all: bool,
+        start: Standing,
+        through: Option<Through<'a>>,
+    ) -> Self {
         let o = object.map(|i| &scene.objects[i as usize]);
         let body = o.and_then(|o| o.body);
         Self {
@@ -128,6 +138,8 @@ impl<'a> Interior<'a> {
             },
             start,
             segments: Cell::new(0),
+            through,
+            began: Cell::new(None),
         }
     }
 
@@ -140,6 +152,12 @@ impl<'a> Interior<'a> {
     #[inline]
     pub fn room_at(&self, p: Vec3) -> f32 {
         self.clearance.map_or(0.0, |c| c.bound(p))
+    }
+
+    /// Notes the collision where the next flight begins.
+    #[inline]
+    pub fn set_start(&self, start: Option<Start>) {
+        self.began.set(start);
     }
 
     /// Returns whether light sampling inside can reach anything.
@@ -184,26 +202,36 @@ impl<const N: usize> Domain<N> for Interior<'_> {
     fn arrive<R: Random>(
         &self,
         wall: Option<Hit>,
-        _t: f32,
+        t: f32,
         walker: &mut Walker<N>,
         rng: &mut R,
     ) -> Wall<Option<Hit>, Exit> {
         let hit = wall.expect("a segment that met a wall has a hit");
-        let surface = self.scene.accel.surface(&Ray::new(walker.p, walker.d), &hit);
-        walker.p = surface.p;
+        let ray = Ray::new(walker.p, walker.d);
         let Some(eta) = self.smooth.filter(|_| Some(hit.shape) == self.object && hit.exiting) else {
+            let surface = self.scene.accel.surface(&ray, &hit);
+            walker.p = surface.p;
             return Wall::Leave(Exit::Surface(hit, surface));
         };
+        let (p, ng, ns) = self.scene.accel.point_and_normals(&ray, &hit);
+        walker.p = p;
         // Cross the object's own boundary: most arrivals are reflected inside, many times over.
         let wo = -walker.d;
-        walker.direction_pdf = None;
-        match cross(wo, surface.ng, surface.ns, eta, rng) {
+        let pdf = walker.direction_pdf.take();
+        let began = self.began.take();
+        match cross(wo, ng, ns, eta, rng) {
             Crossing::Reflected(d) => walker.d = d,
             Crossing::Transmitted(d) => {
+                let escape = match (&self.through, began, pdf) {
+                    (Some(through), Some(start), Some(pdf)) if t <= through.reach() => {
+                        Some(through.escape(start, walker.d, pdf, ng, ns))
+                    }
+                    _ => None,
+                };
                 walker.d = d;
                 walker.beta *= eta * eta;
                 walker.eta_scale /= eta * eta;
-                return Wall::Leave(Exit::Outside(hit));
+                return Wall::Leave(Exit::Outside(hit, escape));
             }
         }
         Wall::Stay(Some(hit))

@@ -17,3 +17,4 @@ pub mod material;
 pub mod scene;
 pub mod session;
 pub mod texture;
+mod through;

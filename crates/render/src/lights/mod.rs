@@ -285,6 +285,39 @@ impl Lights {
         }
     }
 
+    /// Returns whether some light has a surface.
+    pub fn has_surfaces(&self) -> bool {
+        self.first_of_shape.iter().any(Option::is_some)
+    }
+
+    /// Chooses among the lights that have a position alone and returns a sample if it has a surface.
+    pub fn sample_surface<const N: usize>(
+        &self,
+        p: Vec3,
+        n: Option<Vec3>,
+        wavelengths: &Wavelengths<N>,
+        u: [f32; 3],
+    ) -> Option<LightSample<N>> {
+        let v = [f64::from(u[1]), f64::from(u[2])];
+        self.sample_placed(p, n, wavelengths, refined(u), v, 1.0).filter(|s| !s.is_delta)
+    }
+
+    /// Returns the density with which [`Lights::sample_surface`] from (p, n) yields the direction to the point q of a light's surface.
+    pub fn pdf_surface(&self, p: Vec3, n: Option<Vec3>, light: u32, q: Vec3) -> f32 {
+        match self.placed.get(light as usize) {
+            Some(Placed::Surface { surface, .. }) => {
+                (f64::from(self.tree.probability(p, n, light)) * surface.pdf(p, q)) as f32
+            }
+            _ => 0.0,
+        }
+    }
+
+    /// Returns whether a light's surface with normal `ng` shines towards the unit direction `w_out`.
+    pub fn shines(&self, light: u32, ng: Vec3, w_out: Vec3) -> bool {
+        matches!(self.placed.get(light as usize),
+            Some(Placed::Surface { surface, two_sided, .. }) if *two_sided || surface.emits_towards(w_out, ng))
+    }
+
     /// Returns the density with which [`Lights::sample`] from (p, n) yields the direction to the point q of a light's surface.
     ///
     /// q is where the ray from p first meets that surface. 0 for lights that no ray can hit.
