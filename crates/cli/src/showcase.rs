@@ -18,7 +18,11 @@ use crate::progress::Progress;
 use crate::{output, render, report};
 
 /// Time spent on the picture: with reading, building and writing within a minute.
-const TIME: Duration = Duration::from_secs(50);
+const TIME: Duration = Duration::from_secs(54);
+
+/// Size of the picture [pixels]: small enough that a minute on two cores leaves an nMSE of .01 on the objects (5.3 per sample; the
+/// file's own 480 x 300 would need five minutes).
+const SIZE: [u32; 2] = [224, 140];
 
 /// The pictures written.
 const NAMES: [&str; 2] = ["moonmilk.exr", "moonmilk.png"];
@@ -28,10 +32,13 @@ pub fn run(bar: bool) -> Outcome {
     for name in NAMES {
         output::check_writable(Path::new(name))?;
     }
-    let loaded =
+    let mut loaded =
         pbrt::load_with(&moonmilk_io::showcase::Embedded, moonmilk_io::showcase::SCENE, &pbrt::Options::default())
             .map_err(Failure::Scene)?;
     render::warn(&loaded.warnings);
+    let film = &mut loaded.scene.film;
+    [film.width, film.height] = SIZE;
+    film.crop = [0, SIZE[0], 0, SIZE[1]];
     let d = &loaded.scene;
     let scene = render::build(d, None)?;
     let integrator = Integrator {

@@ -26,7 +26,7 @@ use crate::through::{Escape, Through};
 const ENDLESS: u64 = 1 << 24;
 
 /// Surface bounces before roulette may end a path.
-const SURE_BOUNCES: u32 = 4;
+const SURE_BOUNCES: u32 = 1;
 
 /// Settings of exact transport.
 #[derive(Clone, Debug)]
@@ -229,7 +229,7 @@ impl Integrator {
         };
         let interior = Interior::new(scene, path.inside.innermost(), self.max_depth.is_some(), path.standing, through);
         let collisions = path.walker.collisions;
-        let limit = self.max_depth.map_or(u32::MAX, |m| m - path.depth.min(m));
+        let limit = self.max_depth.map_or(ENDLESS as u32, |m| m - path.depth.min(m));
         let connects = !scene.lights.is_empty() && interior.connects();
         let mut tally = connect::InMedium {
             scene,
@@ -263,6 +263,7 @@ impl Integrator {
                 self.surface(scene, path, hit, &surface, wavelengths, rng, light, counters)
             }
             Outcome::Ended => {
+                counters.endless += u64::from(self.max_depth.is_none() && walked >= ENDLESS as u32);
                 counters.ended_inside += u64::from(path.inside.innermost().is_some());
                 false
             }
@@ -327,7 +328,7 @@ impl Integrator {
         let transmittance = medium.transmittance(t);
         if let Some(emission) = medium.emission {
             // Integrate sigma_a L_e exp(-sigma_a s) along the segment.
-            light.add(path.walker.collisions, path.walker.beta * emission * transmittance.map(|x| 1.0 - x));
+            light.add(path.walker.collisions, path.walker.beta * emission * medium.sigma_t.map(|s| -(-s * t).exp_m1()));
         }
         path.walker.beta *= transmittance;
         match hit {
