@@ -3,7 +3,7 @@
 //! Command: `cargo run --release -p moonmilk-core --example upsampling_table -- crates/core/data/srgb.spec`.
 //!
 //! The file has the format of the crate `rgb2spec` ("SPEC", resolution, scale, coefficients; little endian), whose reader we
-//! use. Its optimiser diverges at 0.4 % of the nodes (dark saturated blues reflect up to 1.4) and has another D65, so
+//! use. Its optimiser diverges at some nodes (dark saturated blues reflect up to 1.4) and has another D65, so
 //! that the nodes are fitted here: least squares in CIELAB by Levenberg-Marquardt, against the observer of `color`.
 
 use std::io::Write;

@@ -20,8 +20,7 @@ pub struct Roulette {
 }
 
 impl Default for Roulette {
-    /// Tests below 1/10 and lets survivors weigh 1/5: measured best or within 3 % of it on marble, milk and an
-    /// index-matched ball (efficiency against thresholds from 0.02 to 0.5).
+    /// Tests below 1/10 and lets survivors weigh 1/5: a convention; where albedos are near 1 walks leave long before.
     fn default() -> Self {
         Self { threshold: 0.1, survivor: 0.2 }
     }
