@@ -67,7 +67,7 @@ pub(crate) fn transmittance<const N: usize>(
             return Spectrum::ZERO;
         }
         if let Some(m) = at.medium {
-            t = t * m.transmittance(hit.t);
+            t *= m.transmittance(hit.t);
         }
         left -= hit.t;
         at.p = surface.p;
@@ -126,7 +126,6 @@ fn weighed<const N: usize>(
 }
 
 /// Samples a light from a surface and adds its contribution.
-#[allow(clippy::too_many_arguments)]
 pub(crate) fn at_surface<const N: usize>(
     scene: &Scene,
     path: &Path<N>,

@@ -364,7 +364,6 @@ impl Integrator {
     }
 
     /// Handles the arrival at a surface; returns whether the path goes on.
-    #[allow(clippy::too_many_arguments)]
     fn surface<const N: usize>(
         &self,
         scene: &Scene,
@@ -480,7 +479,6 @@ impl Integrator {
 
     /// Follows the reflected branch of the camera's first smooth boundary with its probability as weight, and leaves the other to
     /// the caller: a bright mirror image seen by one sample in twenty would be most of a pixel's noise.
-    #[allow(clippy::too_many_arguments)]
     fn split<const N: usize>(
         &self,
         scene: &Scene,
@@ -580,7 +578,6 @@ impl<const N: usize> Path<N> {
     }
 
     /// Refracts into the other side: radiance scaling and medium.
-    #[allow(clippy::too_many_arguments)]
     fn transmit(
         &mut self,
         scene: &Scene,
@@ -599,7 +596,6 @@ impl<const N: usize> Path<N> {
     }
 
     /// Puts the walker on the outer or inner side of an object.
-    #[allow(clippy::too_many_arguments)]
     fn change_medium(
         &mut self,
         scene: &Scene,

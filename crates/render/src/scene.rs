@@ -204,7 +204,7 @@ impl Scene {
             warnings.push(Warning { place: None, message: "the scene has no light: the picture will be black".into() });
         }
         let accel = Accel::build(shapes);
-        let points: Vec<Vec3> = d.lights.iter().filter_map(|l| lights::position(l)).collect();
+        let points: Vec<Vec3> = d.lights.iter().filter_map(lights::position).collect();
         finish_objects(&mut objects, &accel, d, &points);
         let has_passages = objects.iter().any(|o| o.boundary == Boundary::Interface || o.alpha.is_some());
         let scene = Self {

@@ -203,7 +203,6 @@ impl<'a> Through<'a> {
     /// Makes a connection at a collision, or not; returns what the next flight competes with.
     ///
     /// `beta` is the weight after the collision, scattering coefficient included; `room` a lower bound of the depth.
-    #[allow(clippy::too_many_arguments)]
     pub fn connect<const N: usize>(
         &self,
         walker: &Walker<N>,
@@ -234,7 +233,6 @@ impl<'a> Through<'a> {
     }
 
     /// Draws a direction from the frame's refracted light and follows it to the light.
-    #[allow(clippy::too_many_arguments)]
     fn sample<const N: usize>(
         &self,
         frame: &Frame,

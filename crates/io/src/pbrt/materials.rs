@@ -136,7 +136,6 @@ fn make(
     MaterialDescription { name, place, kind, displacement, normal_map, set, priority }
 }
 
-#[allow(clippy::too_many_arguments)]
 fn kind_of(
     cx: &mut Context,
     t: &mut Textures,
