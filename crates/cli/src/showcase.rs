@@ -20,7 +20,7 @@ use crate::{output, render, report};
 /// Time spent on the picture: with reading, building and writing within a minute.
 const TIME: Duration = Duration::from_secs(54);
 
-/// Size of the picture [pixels]: small enough that a minute on two cores leaves an nMSE of .01 on the objects (5.3 per sample; the
+/// Size of the picture in pixels: small enough that a minute on two cores leaves an nMSE of .01 on the objects (5.3 per sample; the
 /// file's own 480 x 300 would need five minutes).
 const SIZE: [u32; 2] = [224, 140];
 
