@@ -24,6 +24,9 @@
 //!
 //! If wo itself is on different sides of the normals, step 1 rejects, as a refraction with probability 1 - F(|wo . ng|) =: r(wo).
 //!
+//! Normals farther than 5 degrees apart (scans, coarse or creased meshes) are brought to 5 degrees first: the share that crosses is off by
+//! the square of the angle, and beyond that the interpolated normal describes no surface near the triangle anyway.
+//!
 //! # Proof
 //! *Step 1.* Mirror image and refraction are involutions, so the reverse of each event is the same kind of event from
 //! wi. They map solid angles by `n(wi)^2 |wi . ns| dwi = n(wo)^2 |wo . ns| dwo` (Snell's law differentiated; trivial for the mirror
@@ -151,6 +154,23 @@ struct Surface {
     eta: f32,
 }
 
+/// Cosine of the largest angle between the normals, 5 degrees. On the scanned marble dragon none, 8 and 5 degrees leave the mean 1.0, .7 and
+/// .6 % (+- .1 %) below Mitsuba's.
+const NEAR: f32 = 0.996_195;
+
+/// Returns ns, turned back to [`NEAR`] of ng if it is farther: what the rule gets wrong grows with the square of that angle.
+#[inline]
+fn near(ng: Vec3, ns: Vec3) -> Vec3 {
+    let c = ns.dot(ng);
+    if c >= NEAR {
+        return ns;
+    }
+    match (ns - ng * c).try_normalize() {
+        Some(tangent) => (ng * NEAR + tangent * (1.0 - NEAR * NEAR).sqrt()).normalize(),
+        None => ng,
+    }
+}
+
 impl Surface {
     /// Returns step 1 from w, `None` if w is on different sides of the two normals.
     #[inline]
@@ -212,7 +232,7 @@ impl Surface {
 /// Draws one to three variates.
 #[inline]
 pub fn cross(wo: Vec3, ng: Vec3, ns: Vec3, eta: f32, u: &mut impl Random) -> Crossing {
-    let s = Surface { ng, ns, eta };
+    let s = Surface { ng, ns: near(ng, ns), eta };
     // Step 1: the event of the shading normal.
     let (reflected, r_o) = match s.first(wo) {
         Some(first) => {
@@ -243,7 +263,7 @@ pub fn cross(wo: Vec3, ng: Vec3, ns: Vec3, eta: f32, u: &mut impl Random) -> Cro
 /// Returns the exact probabilities of the four outcomes between which [`cross`] chooses: mirror image and refraction of `ns`, the crossing
 /// of step 2, the reflection of step 3. Impossible outcomes have probability 0 (and then an arbitrary direction).
 pub fn branches(wo: Vec3, ng: Vec3, ns: Vec3, eta: f32) -> [(f32, Crossing); 4] {
-    let s = Surface { ng, ns, eta };
+    let s = Surface { ng, ns: near(ng, ns), eta };
     let aside = Crossing::Reflected(s.mirrored(wo));
     let mut out = [(0.0, aside); 4];
     let (r_reflection, r_o) = match s.first(wo) {
@@ -319,6 +339,8 @@ mod tests {
         let (mut tested, mut worst) = ([0u32; 4], 0.0f32);
         for _ in 0..300_000 {
             let (ng, ns, eta, wo) = setup(&mut u);
+            // The rule sees the normal that it has brought near.
+            let ns = super::near(ng, ns);
             let out = branches(wo, ng, ns, eta);
             for k in 0..4 {
                 let (p, c) = out[k];
