@@ -3,7 +3,9 @@
 use moonmilk_core::Random;
 
 use crate::domain::{Domain, Wall};
+use crate::math;
 use crate::medium::Medium;
+use crate::phase::PhaseFunction;
 use crate::tally::Tally;
 use crate::walker::Walker;
 
@@ -70,17 +72,18 @@ pub enum Outcome<E> {
 /// Free flights t = -ln(u) / sigma_t of the hero lane; those shorter than the known room to the wall need no query.
 /// *Errors of the result*: none but single-precision rounding of positions.
 #[inline]
-pub fn walk<const N: usize, D, T, R>(
+pub fn walk<const N: usize, P, D, T, R>(
     domain: &D,
-    medium: &Medium<N>,
+    medium: &Medium<N, P>,
     limits: &Limits,
     walker: &mut Walker<N>,
     tally: &mut T,
     rng: &mut R,
 ) -> Outcome<D::Exit>
 where
+    P: PhaseFunction,
     D: Domain<N>,
-    T: Tally<N, R>,
+    T: Tally<N, R, P>,
     R: Random,
 {
     let mean_free_path = 1.0 / medium.sigma_t[0];
@@ -88,11 +91,13 @@ where
     let mut on_wall = domain.first();
     loop {
         // Draw the free flight of the hero lane.
-        let t = -rng.uniform().ln() * mean_free_path;
+        let t = math::exponential(rng.uniform()) * mean_free_path;
         // Skip the wall query where the flight provably ends before any wall.
-        if t >= walker.room {
-            walker.room = march(domain, walker, t);
-            if t >= walker.room {
+        if D::CHEAP_SEGMENTS || t >= walker.room {
+            if !D::CHEAP_SEGMENTS {
+                walker.room = march(domain, walker, t);
+            }
+            if D::CHEAP_SEGMENTS || t >= walker.room {
                 if let Some((t_wall, wall)) = domain.segment(walker.p, walker.d, t, &on_wall) {
                     tally.flight(walker, t_wall);
                     walker.pass(medium, t_wall);
@@ -118,7 +123,9 @@ where
         // Move to the collision and weigh what is scattered there.
         tally.flight(walker, t);
         walker.p += walker.d * t;
-        walker.room = (walker.room - t).max(0.0);
+        if !D::CHEAP_SEGMENTS {
+            walker.room = (walker.room - t).max(0.0);
+        }
         on_wall = domain.start();
         let arrived = walker.collide(medium, t);
         walker.collisions += 1;

@@ -5,6 +5,7 @@ use moonmilk_core::{Random, Vec3};
 use crate::walker::Walker;
 
 pub mod ball;
+pub mod layer;
 pub mod planar;
 
 /// What happens at a wall.
@@ -22,6 +23,9 @@ pub trait Domain<const N: usize> {
     type Wall: Copy;
     /// What is known of a path that left.
     type Exit;
+
+    /// Whether asking for a wall costs no more than asking for the room to it, so that flights ask at once.
+    const CHEAP_SEGMENTS: bool = false;
 
     /// Returns the wall value of a start away from any wall.
     fn start(&self) -> Self::Wall;

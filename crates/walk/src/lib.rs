@@ -11,13 +11,17 @@
 
 pub mod classic;
 pub mod domain;
+pub mod layers;
 pub mod math;
 pub mod medium;
+pub mod phase;
 pub mod tally;
 pub mod walker;
 
 pub use classic::{Limits, Outcome, Roulette, walk};
 pub use domain::{Domain, Wall};
+pub use layers::{Stack, walk_stack};
 pub use medium::Medium;
+pub use phase::PhaseFunction;
 pub use tally::{NoTally, PathLength, Tally};
 pub use walker::Walker;

@@ -3,10 +3,11 @@
 use moonmilk_core::{Random, Spectrum};
 
 use crate::medium::Medium;
+use crate::phase::HenyeyGreenstein;
 use crate::walker::Walker;
 
-/// A recorder of the events of a walk.
-pub trait Tally<const N: usize, R: Random> {
+/// A recorder of the events of a walk in media with scattering law P.
+pub trait Tally<const N: usize, R: Random, P = HenyeyGreenstein> {
     /// Called for each flight of length t inside the medium, before the walker moves.
     #[inline]
     fn flight(&mut self, _walker: &Walker<N>, _t: f32) {}
@@ -14,7 +15,7 @@ pub trait Tally<const N: usize, R: Random> {
     /// Called at each collision; `arrived` is the weight there per unit coefficient \[length\]: times sigma_s it continues,
     /// times sigma_a it is absorbed (or emitted).
     #[inline]
-    fn collision(&mut self, _walker: &mut Walker<N>, _medium: &Medium<N>, _arrived: Spectrum<N>, _rng: &mut R) {}
+    fn collision(&mut self, _walker: &mut Walker<N>, _medium: &Medium<N, P>, _arrived: Spectrum<N>, _rng: &mut R) {}
 
     /// Returns whether this tally looks for light at collisions. If not, directions count as drawn without competition, so
     /// that lights found by chance count in full.
@@ -28,13 +29,13 @@ pub trait Tally<const N: usize, R: Random> {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct NoTally;
 
-impl<const N: usize, R: Random> Tally<N, R> for NoTally {}
+impl<const N: usize, R: Random, P> Tally<N, R, P> for NoTally {}
 
 /// Sums the length of all flights \[length\].
 #[derive(Clone, Copy, Debug, Default)]
 pub struct PathLength(pub f64);
 
-impl<const N: usize, R: Random> Tally<N, R> for PathLength {
+impl<const N: usize, R: Random, P> Tally<N, R, P> for PathLength {
     #[inline]
     fn flight(&mut self, _walker: &Walker<N>, t: f32) {
         self.0 += f64::from(t);

@@ -60,7 +60,7 @@ impl<const N: usize> Walker<N> {
 
     /// Applies the weights of a flight of length t that reached a wall: T_j against the density T_j of each lane.
     #[inline]
-    pub fn pass(&mut self, medium: &Medium<N>, t: f32) {
+    pub fn pass<P>(&mut self, medium: &Medium<N, P>, t: f32) {
         let s0 = medium.sigma_t[0];
         // Light sampling competes with having got through: the density gains the mean transmittance.
         let hero = if self.direction_pdf.is_some() && s0 > 0.0 { (-s0 * t).exp() } else { 1.0 };
@@ -80,7 +80,7 @@ impl<const N: usize> Walker<N> {
     /// Applies the weights of a flight of length t that ended in a collision, without the factor sigma_s or sigma_a:
     /// returns T_j / mean_i(sigma_t,i T_i), to be multiplied by the coefficient of what happens next.
     #[inline]
-    pub fn collide(&mut self, medium: &Medium<N>, t: f32) -> Spectrum<N> {
+    pub fn collide<P>(&mut self, medium: &Medium<N, P>, t: f32) -> Spectrum<N> {
         if N == 1 || medium.is_gray() {
             return self.beta / medium.sigma_t[0];
         }

@@ -7,7 +7,8 @@ use moonmilk_core::estimate::Accumulator;
 use moonmilk_core::{Estimate, Random, Spectrum, Stream, Vec3};
 use moonmilk_walk::domain::ball::Ball;
 use moonmilk_walk::domain::planar::{Face, Slab};
-use moonmilk_walk::{Medium, NoTally, Outcome, PathLength, Roulette, Walker, walk};
+use moonmilk_walk::phase::{HenyeyGreenstein, Isotropic};
+use moonmilk_walk::{Medium, NoTally, Outcome, PathLength, PhaseFunction, Roulette, Stack, Walker, walk, walk_stack};
 
 const Z: f64 = 4.9;
 
@@ -181,5 +182,113 @@ fn light_leaves_an_index_matched_half_space_at_the_angles_of_chandrasekhar() {
             / 4.0;
         let e = bin.estimate();
         assert!((e.mean - exact).abs() < Z * e.std_err + 1e-3 * exact, "bin {k}: {e} against {exact}");
+    }
+}
+
+/// A layer of (thickness, index, medium).
+fn layer(thickness: f32, n: f32, sigma_a: f32, sigma_s: f32, g: f32) -> (f32, f32, Medium<1, HenyeyGreenstein>) {
+    (thickness, n, gray(sigma_a, sigma_s, g))
+}
+
+/// Shares of entered light that leave a stack in front and behind, at normal incidence.
+fn stack_shares<P: PhaseFunction>(stack: &Stack<P>, seed: u64, n: u64) -> (Estimate, Estimate) {
+    let (mut front, mut back) = (Accumulator::default(), Accumulator::default());
+    for i in 0..n {
+        let mut rng = Stream::new(&[seed, i]);
+        let mut w = Walker::new(Vec3::ZERO, Vec3::Z);
+        let out = walk_stack(stack, 0, &Roulette::default().into(), &mut w, &mut NoTally, &mut rng);
+        let beta = f64::from(w.beta[0]);
+        front.add(if matches!(out, Outcome::Left(Face::Front)) { beta } else { 0.0 });
+        back.add(if matches!(out, Outcome::Left(Face::Back)) { beta } else { 0.0 });
+    }
+    (front.estimate(), back.estimate())
+}
+
+#[test]
+fn a_slab_cut_into_layers_reflects_and_transmits_as_before() {
+    // van de Hulst's slab again, cut at .1 and .7: index-matched boundaries between equal layers are invisible.
+    let m = |t| layer(t, 1.4, 0.1, 0.9, 0.75);
+    let stack = Stack::new(1.4, vec![m(0.1), m(0.6), m(1.3)], 1.4);
+    let (r, t) = stack_shares(&stack, 15, 400_000 * slow());
+    assert!(r.z(0.09739).abs() < Z && t.z(0.66096).abs() < Z, "R {r}, T {t}");
+}
+
+#[test]
+fn a_clear_pane_reflects_by_its_two_faces() {
+    // Of the light that entered, 1 / (1 + r) leaves behind and r / (1 + r) in front, r = ((n - 1) / (n + 1))^2: the series of internal reflections.
+    let pane = Stack::new(1.0, vec![layer(1.0, 1.5, 0.0, 0.0, 0.0)], 1.0);
+    let (r, t) = stack_shares(&pane, 16, 200_000 * slow());
+    assert!(r.z(0.04 / 1.04).abs() < Z && t.z(1.0 / 1.04).abs() < Z, "R {r}, T {t}");
+}
+
+/// Splits a path's length over the layers of a stack.
+#[derive(Default)]
+struct LayerLengths {
+    current: usize,
+    lengths: [f64; 3],
+}
+
+impl<R: Random, P> moonmilk_walk::Tally<1, R, P> for LayerLengths {
+    fn flight(&mut self, _walker: &Walker<1>, t: f32) {
+        self.lengths[self.current] += f64::from(t);
+    }
+}
+
+impl<R: Random, P> moonmilk_walk::layers::StackTally<R, P> for LayerLengths {
+    fn enter(&mut self, layer: usize) {
+        self.current = layer;
+    }
+}
+
+#[test]
+fn light_stays_in_each_layer_for_two_n_squared_thicknesses() {
+    // Uniform light on both sides of a stack makes n^2 times its radiance in every layer that scatters: mean path 4 n^2 V / S = 2 n^2 d per
+    // ray. The stack is its own mirror image, so that light on one side is enough. Different n, g and sigma_s.
+    let (d, n) = ([0.5f32, 0.8, 0.5], [1.5f32, 1.2, 1.5]);
+    let stack = Stack::new(
+        1.0,
+        vec![layer(d[0], n[0], 0.0, 3.0, 0.8), layer(d[1], n[1], 0.0, 1.0, 0.0), layer(d[2], n[2], 0.0, 3.0, 0.8)],
+        1.0,
+    );
+    let mut sums = [Accumulator::default(); 3];
+    for i in 0..100_000 * slow() {
+        let mut rng = Stream::new(&[17, i]);
+        let u = rng.uniform2();
+        let (s, c) = moonmilk_walk::math::sin_cos_turn(u[1]);
+        let (cos_o, sin_o) = (u[0].sqrt(), (1.0 - u[0]).sqrt());
+        let mut tally = LayerLengths::default();
+        if let Some(d) = enter(Vec3::new(sin_o * c, sin_o * s, cos_o), Vec3::NEG_Z, n[0], &mut rng) {
+            let mut w = Walker::new(Vec3::ZERO, d);
+            let out = walk_stack(&stack, 0, &Roulette::default().into(), &mut w, &mut tally, &mut rng);
+            assert!(matches!(out, Outcome::Left(_)), "{out:?}");
+        }
+        // The mirror image: what the front layer sees of light from behind is what the back layer sees of light in front.
+        sums[0].add(0.5 * (tally.lengths[0] + tally.lengths[2]));
+        sums[1].add(tally.lengths[1]);
+        sums[2].add(tally.lengths.iter().sum());
+    }
+    let exact = |i: usize| 2.0 * f64::from(n[i] * n[i] * d[i]);
+    for (sum, exact) in sums.iter().zip([exact(0), exact(1), 2.0 * exact(0) + exact(1)]) {
+        let e = sum.estimate();
+        assert!(e.z(exact).abs() < Z, "{e} against {exact}");
+    }
+}
+
+#[test]
+fn a_law_known_to_the_compiler_walks_as_one_known_at_run_time() {
+    // The same random numbers, the same directions: equal to the bit.
+    let slab = Slab { thickness: f32::INFINITY, eta: 1.33 };
+    let fixed = Medium::with_law(Spectrum([0.1]), Spectrum([0.9]), Isotropic);
+    for i in 0..1000 {
+        let mut walkers = [Walker::new(Vec3::ZERO, Vec3::Z); 2];
+        let limits = Roulette::default().into();
+        let mut rng = Stream::new(&[18, i]);
+        walk(&slab, &fixed, &limits, &mut walkers[0], &mut NoTally, &mut rng);
+        let mut rng = Stream::new(&[18, i]);
+        walk(&slab, &gray(0.1, 0.9, 0.0), &limits, &mut walkers[1], &mut NoTally, &mut rng);
+        assert_eq!(
+            (walkers[0].p, walkers[0].beta, walkers[0].collisions),
+            (walkers[1].p, walkers[1].beta, walkers[1].collisions)
+        );
     }
 }
