@@ -1,47 +1,38 @@
-//! Ray queries over all shapes of a scene.
+//! Ray queries over all shapes of a scene: those of the world, and objects that stand in several places.
+//!
+//! Two levels: the world's own shapes have a hierarchy of their own, which rays search first; a second one holds the boxes of
+//! all instances, each of which hands the ray, taken to its object's space, to the hierarchy of its object. Scenes without
+//! instances pay one comparison.
 
 use std::ops::Range;
+use std::sync::{Arc, OnceLock};
 
-use moonmilk_core::glam::Mat2;
-use moonmilk_core::{Frame, Vec2, Vec3};
+use moonmilk_core::Vec3;
+use moonmilk_core::glam::DAffine3;
 use obvhs::cwbvh::CwBvh;
 
 use crate::bounds::Bounds;
 use crate::bvh::{self, BoxRay, Quality};
-use crate::mesh::Mesh;
-use crate::quadric::Quadric;
-use crate::ray::{Body, Facing, Hit, NONE, Ray, Surface};
+use crate::clearance::Clearance;
+use crate::group::{BEHIND, Candidate, FEW, Group, SLACK};
+use crate::place::Placement;
+use crate::ray::{Body, Facing, Hit, NONE, Prim, Ray, Surface, WORLD};
 use crate::shape::{Form, Shape};
-use crate::triangle::{Leaf, MAX_PRIMS, Projection, REVERSED};
-
-/// [`Body::slack`] in units of the body's largest absolute coordinate: 8 times the spacing 2^-23 of f32. A collision
-/// point `o + t d` carries three roundings, a point from barycentric weights five.
-const SLACK: f32 = 8.0 / 8_388_608.0;
-/// How far before its origin, in units of the slack, a ray still finds the surface that it is outside of by rounding:
-/// covers directions whose cosine with the normal is above 1/64.
-const BEHIND: f32 = 64.0;
-/// Scenes up to this size are searched without a tree.
-const FEW: usize = 4;
+use crate::surface::{interpolate, mesh_surface, shading_normal};
 
 /// All shapes of a scene, ready for ray queries.
 #[derive(Debug)]
 pub struct Accel {
-    pub(crate) shapes: Vec<Shape>,
-    /// First primitive of each shape, and the number of all primitives.
-    first: Vec<u32>,
-    bounds: Vec<Bounds>,
-    pub(crate) bvh: CwBvh,
-    pub(crate) leaves: Vec<Leaf>,
-    only_quadrics: bool,
-}
-
-/// A crossing that counts; `t` may still be below 0.
-#[derive(Clone, Copy)]
-struct Candidate {
-    t: f32,
-    prim: u32,
-    b: [f32; 2],
-    exiting: bool,
+    pub(crate) world: Group,
+    pub(crate) groups: Vec<Group>,
+    pub(crate) placements: Vec<Placement>,
+    /// Boxes of all shapes of all instances.
+    placed_bounds: Vec<Bounds>,
+    /// Hierarchy over the instances, and their order in its leaves; empty for a few.
+    pub(crate) top: CwBvh,
+    pub(crate) order: Vec<u32>,
+    /// Free room in each shape of each group, shared by its instances.
+    pub(crate) rooms: Vec<Vec<OnceLock<Arc<Clearance>>>>,
 }
 
 impl Accel {
@@ -54,85 +45,152 @@ impl Accel {
 
     /// Builds the acceleration structure.
     pub fn build_with(shapes: Vec<Shape>, quality: Quality) -> Self {
-        let mut first = vec![0];
-        for s in &shapes {
-            first.push(first.last().expect("starts with one element") + s.prim_count());
+        Self {
+            world: Group::build(shapes, quality),
+            groups: Vec::new(),
+            placements: Vec::new(),
+            placed_bounds: Vec::new(),
+            top: CwBvh::default(),
+            order: Vec::new(),
+            rooms: Vec::new(),
         }
-        let count = *first.last().expect("starts with one element") as usize;
-        assert!(count <= MAX_PRIMS, "{count} primitives; at most {MAX_PRIMS} are supported");
-        let bounds: Vec<Bounds> = shapes.iter().map(Shape::bounds).collect();
-
-        // Build the tree over the primitives' boxes.
-        let bvh = if count > FEW {
-            let mut boxes = Vec::with_capacity(count);
-            for (s, b) in shapes.iter().zip(&bounds) {
-                match &s.form {
-                    Form::Mesh(m) => boxes.extend((0..s.prim_count()).map(|i| Bounds::of(m.corners(i)))),
-                    Form::Quadric(_) => boxes.push(*b),
-                }
-            }
-            bvh::build(&boxes, quality)
-        } else {
-            CwBvh { primitive_indices: (0..count as u32).collect(), ..CwBvh::default() }
-        };
-
-        // Copy the primitives in leaf order, so that a leaf is one cache line.
-        let leaf = |&prim: &u32| {
-            let shape = first.partition_point(|&f| f <= prim) - 1;
-            let s = &shapes[shape];
-            let marks = if s.reverse { REVERSED } else { 0 };
-            match &s.form {
-                Form::Mesh(m) => Leaf::triangle(m.corners(prim - first[shape]), prim, marks),
-                Form::Quadric(_) => Leaf::quadric(prim, marks),
-            }
-        };
-        let leaves = bvh.primitive_indices.iter().map(leaf).collect();
-        let bvh = CwBvh { primitive_indices: Vec::new(), ..bvh };
-        let only_quadrics = shapes.iter().all(|s| s.quadric().is_some());
-        Self { shapes, first, bounds, bvh, leaves, only_quadrics }
     }
 
-    /// Returns the shapes, in the order given.
-    pub fn shapes(&self) -> &[Shape] {
-        &self.shapes
+    /// Builds the acceleration structure of shapes in world space and of objects (shapes in a space of their own) that stand
+    /// where `instances` say: number of the object, object to world.
+    ///
+    /// Shapes are numbered: those of the world, then those of the first instance, of the second, and so on.
+    ///
+    /// *Errors*: the number of the first instance whose transform is singular or not finite, or whose object does not exist.
+    /// *Panics* as [`Accel::build`] does, for the world and for each object.
+    pub fn with_instances(
+        shapes: Vec<Shape>,
+        objects: Vec<Vec<Shape>>,
+        instances: &[(u32, DAffine3)],
+    ) -> Result<Self, usize> {
+        let mut accel = Self::build(shapes);
+        accel.groups = objects.into_iter().map(|o| Group::build(o, Quality::default())).collect();
+        accel.rooms = accel.groups.iter().map(|g| g.shapes.iter().map(|_| OnceLock::new()).collect()).collect();
+        let mut next = accel.world.shapes.len() as u32;
+        for (i, (group, to_world)) in instances.iter().enumerate() {
+            let shapes = accel.groups.get(*group as usize).ok_or(i)?;
+            let placement = Placement::new(*group, next, to_world).ok_or(i)?;
+            accel.placed_bounds.extend(shapes.bounds.iter().map(|b| placement.image(b)));
+            next += shapes.shapes.len() as u32;
+            accel.placements.push(placement);
+        }
+        // Boxes hold whatever rounding may take a point on or inside of an instance to.
+        let boxes: Vec<Bounds> = accel
+            .placements
+            .iter()
+            .map(|p| {
+                let group = &accel.groups[p.group as usize];
+                let b = p.bounds(group);
+                if b.is_empty() { b } else { b.grown(BEHIND * p.slack(&group.all(), &b)) }
+            })
+            .collect();
+        let some: Vec<u32> = (0..boxes.len() as u32).filter(|&i| !boxes[i as usize].is_empty()).collect();
+        accel.order = some;
+        if accel.order.len() > FEW {
+            let boxes: Vec<Bounds> = accel.order.iter().map(|&i| boxes[i as usize]).collect();
+            let top = bvh::build(&boxes, Quality { leaf: 1, ..Quality::default() });
+            accel.order = top.primitive_indices.iter().map(|&i| accel.order[i as usize]).collect();
+            accel.top = CwBvh { primitive_indices: Vec::new(), ..top };
+        }
+        Ok(accel)
+    }
+
+    /// Returns the number of shapes, those of all instances included.
+    pub fn shape_count(&self) -> usize {
+        self.world.shapes.len() + self.placed_bounds.len()
+    }
+
+    /// Returns the number of shapes of the world itself.
+    pub fn world_count(&self) -> u32 {
+        self.world.shapes.len() as u32
+    }
+
+    /// Returns a shape: of the world in world space, of an instance in its object's space.
+    pub fn shape(&self, shape: u32) -> &Shape {
+        self.placed(shape).0
     }
 
     /// Returns the box around all shapes.
     pub fn bounds(&self) -> Bounds {
-        self.bounds.iter().fold(Bounds::EMPTY, |a, &b| a.union(b))
+        self.placed_bounds.iter().fold(self.world.all(), |a, &b| a.union(b))
     }
 
     /// Returns the box around a shape.
     pub fn shape_bounds(&self, shape: u32) -> Bounds {
-        self.bounds[shape as usize]
-    }
-
-    /// Returns the primitives of a shape: triangle i of shape s is primitive `prims(s).start + i`.
-    pub fn prims(&self, shape: u32) -> Range<u32> {
-        self.first[shape as usize]..self.first[shape as usize + 1]
+        let i = shape as usize;
+        let own = self.world.bounds.len();
+        if i < own { self.world.bounds[i] } else { self.placed_bounds[i - own] }
     }
 
     /// Returns the shape of a primitive and its number in it.
-    pub fn locate(&self, prim: u32) -> (u32, u32) {
-        let shape = self.first.partition_point(|&f| f <= prim) - 1;
-        (shape as u32, prim - self.first[shape])
+    pub fn locate(&self, prim: Prim) -> (u32, u32) {
+        let (group, placed) = self.group_of(prim.instance);
+        let (shape, index) = group.locate(prim.number);
+        (placed.map_or(0, |p| p.first_shape) + shape, index)
     }
 
-    /// Returns the closed surface made of consecutive shapes, for [`Facing`].
+    /// Returns the closed surface made of consecutive shapes, of the world or of one instance, for [`Facing`].
     pub fn body(&self, shapes: Range<u32>) -> Body {
-        let all =
-            self.bounds[shapes.start as usize..shapes.end as usize].iter().fold(Bounds::EMPTY, |a, &b| a.union(b));
-        Body {
-            first: self.first[shapes.start as usize],
-            end: self.first[shapes.end as usize],
-            slack: SLACK * all.magnitude(),
-        }
+        let all = (shapes.start..shapes.end).fold(Bounds::EMPTY, |a, s| a.union(self.shape_bounds(s)));
+        let instance = self.instance_of(shapes.start);
+        let (group, placed) = self.group_of(instance);
+        let origin = placed.map_or(0, |p| p.first_shape);
+        let [start, end] = [shapes.start, shapes.end].map(|s| (s - origin) as usize);
+        let slack = match placed {
+            None => SLACK * all.magnitude(),
+            Some(p) => p.slack(&group.bounds[start..end].iter().fold(Bounds::EMPTY, |a, &b| a.union(b)), &all),
+        };
+        Body { instance, first: group.first[start], end: group.first[end], slack }
     }
 
-    /// Returns the bytes held: leaves, tree and the shapes' own arrays.
+    /// Returns the bytes held: leaves, trees and the shapes' own arrays; of each object once.
     pub fn memory(&self) -> usize {
-        let shapes: usize = self.shapes.iter().map(|s| size_of::<Shape>() + s.mesh().map_or(0, Mesh::memory)).sum();
-        shapes + self.leaves.capacity() * size_of::<Leaf>() + self.bvh.nodes.capacity() * 80
+        let rooms = self.rooms.iter().flatten().filter_map(OnceLock::get).map(|c| c.memory()).sum::<usize>();
+        self.world.memory()
+            + self.groups.iter().map(Group::memory).sum::<usize>()
+            + self.placements.capacity() * size_of::<Placement>()
+            + self.placed_bounds.capacity() * size_of::<Bounds>()
+            + self.top.nodes.capacity() * 80
+            + rooms
+    }
+
+    /// Returns the instance that a shape belongs to, or [`WORLD`].
+    fn instance_of(&self, shape: u32) -> u32 {
+        if (shape as usize) < self.world.shapes.len() {
+            return WORLD;
+        }
+        self.placements.partition_point(|p| p.first_shape <= shape) as u32 - 1
+    }
+
+    /// Returns the group of an instance and where it stands.
+    #[inline(always)]
+    pub(crate) fn group_of(&self, instance: u32) -> (&Group, Option<&Placement>) {
+        if instance == WORLD {
+            return (&self.world, None);
+        }
+        let p = &self.placements[instance as usize];
+        (&self.groups[p.group as usize], Some(p))
+    }
+
+    /// Returns a shape and where it stands.
+    pub(crate) fn placed(&self, shape: u32) -> (&Shape, Option<&Placement>) {
+        let (group, placed) = self.group_of(self.instance_of(shape));
+        (&group.shapes[(shape - placed.map_or(0, |p| p.first_shape)) as usize], placed)
+    }
+
+    /// Returns the shape at a hit and where it stands.
+    #[inline(always)]
+    fn shape_at(&self, hit: &Hit) -> (&Shape, Option<&Placement>) {
+        if hit.prim.instance == WORLD {
+            return (&self.world.shapes[hit.shape as usize], None);
+        }
+        let (group, placed) = self.group_of(hit.prim.instance);
+        (&group.shapes[(hit.shape - placed.map_or(0, |p| p.first_shape)) as usize], placed)
     }
 
     /// Returns the nearest hit that counts, or `None`.
@@ -141,12 +199,17 @@ impl Accel {
     #[inline]
     pub fn nearest(&self, ray: &Ray) -> Option<Hit> {
         let mut best = None;
-        self.search(ray, |c, t_max| {
-            *t_max = c.t;
-            best = Some(c);
-            false
-        });
-        let best = best.map(|c| self.hit(c));
+        let mut instance = WORLD;
+        if self.placements.is_empty() {
+            self.world.search(&ray.within(WORLD), |c, t_max| {
+                *t_max = c.t;
+                best = Some(c);
+                false
+            });
+        } else {
+            self.nearest_of_all(ray, &mut best, &mut instance);
+        }
+        let best = best.map(|c| self.hit(instance, c));
         match ray.facing {
             Facing::Any => best,
             Facing::Exiting(body) if best.is_none() && ray.t_max == f32::INFINITY => {
@@ -162,17 +225,82 @@ impl Accel {
         }
     }
 
+    /// Finds the nearest crossing among the world and all instances.
+    #[inline(never)]
+    fn nearest_of_all(&self, ray: &Ray, best: &mut Option<Candidate>, instance: &mut u32) {
+        // Inside an instance its own wall comes first, most often: what lies beyond need not be searched.
+        let mut keep = |i: u32, c: Candidate, limit: &mut f32| {
+            *limit = c.t;
+            (*best, *instance) = (Some(c), i);
+            false
+        };
+        let own = match ray.facing {
+            Facing::Exiting(b) if b.instance != WORLD => Some(b.instance),
+            _ => None,
+        };
+        let mut limit = ray.t_max;
+        if let Some(i) = own {
+            self.search_instance(ray, i, &mut limit, &mut keep);
+        }
+        let beyond = Ray { t_max: limit, ..ray.within(WORLD) };
+        self.world.search(&beyond, |c, t_max| {
+            limit = c.t;
+            keep(WORLD, c, t_max)
+        });
+        self.search_instances(ray, limit, own, keep);
+    }
+
+    /// Visits the crossings of one instance.
+    #[inline(always)]
+    fn search_instance(
+        &self,
+        ray: &Ray,
+        i: u32,
+        t_max: &mut f32,
+        visit: &mut impl FnMut(u32, Candidate, &mut f32) -> bool,
+    ) -> bool {
+        let placed = &self.placements[i as usize];
+        let (local, factor) = placed.ray(ray, i, *t_max);
+        self.groups[placed.group as usize].search(&local, |c, t_local| {
+            let t = c.t / factor;
+            if t >= *t_max {
+                return false;
+            }
+            let stop = visit(i, Candidate { t, ..c }, t_max);
+            *t_local = *t_max * factor;
+            stop
+        })
+    }
+
+    /// Visits the crossings of all instances but one as [`Group::search`] does, with distances in the world.
+    #[inline(always)]
+    fn search_instances(
+        &self,
+        ray: &Ray,
+        t_max: f32,
+        except: Option<u32>,
+        mut visit: impl FnMut(u32, Candidate, &mut f32) -> bool,
+    ) -> bool {
+        let mut try_instance = |k: u32, t_max: &mut f32| {
+            let i = self.order[k as usize];
+            Some(i) != except && self.search_instance(ray, i, t_max, &mut visit)
+        };
+        if self.top.nodes.is_empty() {
+            let mut t_max = t_max;
+            (0..self.order.len() as u32).any(|k| try_instance(k, &mut t_max))
+        } else {
+            bvh::traverse_ray(&self.top, &BoxRay::new(ray.o, ray.d, ray.low()), t_max, try_instance)
+        }
+    }
+
     /// Returns whether any hit that counts makes `blocks` return true; hits come in no order, each at most once.
     ///
     /// The closure may look through surfaces (opacity, index-matched boundaries) and leave out the primitive aimed at.
     #[inline]
     pub fn occluded(&self, ray: &Ray, mut blocks: impl FnMut(&Hit) -> bool) -> bool {
-        let mut blocked = false;
-        self.search(ray, |c, _| {
-            blocked = blocks(&self.hit(c));
-            blocked
-        });
-        blocked
+        self.world.search(&ray.within(WORLD), |c, _| blocks(&self.hit(WORLD, c)))
+            || (!self.placements.is_empty()
+                && self.search_instances(ray, ray.t_max, None, |i, c, _| blocks(&self.hit(i, c))))
     }
 
     /// Calls `visit` for every hit that counts, in no order.
@@ -185,47 +313,71 @@ impl Accel {
 
     /// Returns the surface at a hit of a ray.
     pub fn surface(&self, ray: &Ray, hit: &Hit) -> Surface {
-        let shape = &self.shapes[hit.shape as usize];
-        match &shape.form {
+        let (shape, placed) = self.shape_at(hit);
+        let s = match &shape.form {
             Form::Mesh(m) => mesh_surface(m, hit.index, hit.b, shape.reverse),
             Form::Quadric(q) => {
-                let mut s = q.surface(ray.o.as_dvec3() + ray.d.as_dvec3() * f64::from(hit.t));
+                let p = ray.o.as_dvec3() + ray.d.as_dvec3() * f64::from(hit.t);
+                let mut s = q.surface(placed.map_or(p, |placed| placed.to_object.transform_point3(p)));
                 if shape.reverse {
                     (s.ng, s.ns) = (-s.ng, -s.ns);
                 }
                 s
             }
+        };
+        match placed {
+            None => s,
+            Some(placed) => placed.surface(s),
         }
     }
 
     /// Returns point and unit geometric normal at a hit: what a walk needs, without shading normal and (u, v).
     #[inline]
     pub fn point_and_normal(&self, ray: &Ray, hit: &Hit) -> (Vec3, Vec3) {
-        let shape = &self.shapes[hit.shape as usize];
-        let (p, n) = match &shape.form {
-            Form::Mesh(m) => {
-                let c = m.corners(hit.index);
-                (interpolate(c, hit.b), (c[1] - c[0]).cross(c[2] - c[0]).normalize())
-            }
-            Form::Quadric(q) => q.point_and_normal(ray.o.as_dvec3() + ray.d.as_dvec3() * f64::from(hit.t)),
-        };
-        (p, if shape.reverse { -n } else { n })
+        let (p, n, _) = self.normals_at(ray, hit, false);
+        (p, n)
     }
 
     /// Returns point, unit geometric normal and unit shading normal at a hit: what a refractive wall needs.
     #[inline]
     pub fn point_and_normals(&self, ray: &Ray, hit: &Hit) -> (Vec3, Vec3, Vec3) {
-        let (p, ng) = self.point_and_normal(ray, hit);
-        let Some(m) = self.shapes[hit.shape as usize].mesh().filter(|m| !m.normals().is_empty()) else {
-            return (p, ng, ng);
+        self.normals_at(ray, hit, true)
+    }
+
+    #[inline(always)]
+    fn normals_at(&self, ray: &Ray, hit: &Hit, shading: bool) -> (Vec3, Vec3, Vec3) {
+        let (shape, placed) = self.shape_at(hit);
+        let (p, n) = match &shape.form {
+            Form::Mesh(m) => {
+                let c = m.corners(hit.index);
+                (interpolate(c, hit.b), (c[1] - c[0]).cross(c[2] - c[0]).normalize())
+            }
+            Form::Quadric(q) => {
+                let p = ray.o.as_dvec3() + ray.d.as_dvec3() * f64::from(hit.t);
+                q.point_and_normal(placed.map_or(p, |placed| placed.to_object.transform_point3(p)))
+            }
         };
-        (p, ng, shading_normal(m, hit.index, [1.0 - hit.b[0] - hit.b[1], hit.b[0], hit.b[1]], ng))
+        let ng = if shape.reverse { -n } else { n };
+        let ns = match shape.mesh() {
+            Some(m) if shading && !m.normals().is_empty() => {
+                shading_normal(m, hit.index, [1.0 - hit.b[0] - hit.b[1], hit.b[0], hit.b[1]], ng)
+            }
+            _ => ng,
+        };
+        match placed {
+            None => (p, ng, ns),
+            Some(placed) => {
+                let (ng, ns) = placed.normals(ng, ns);
+                (placed.point(p), ng, ns)
+            }
+        }
     }
 
     /// Returns the surface at a point of a triangle given by barycentric weights, e.g. one sampled on a light.
     pub fn triangle_surface(&self, shape: u32, triangle: u32, b: [f32; 2]) -> Option<Surface> {
-        let s = &self.shapes[shape as usize];
-        s.mesh().map(|m| mesh_surface(m, triangle, b, s.reverse))
+        let (s, placed) = self.placed(shape);
+        let surface = s.mesh().map(|m| mesh_surface(m, triangle, b, s.reverse))?;
+        Some(placed.map_or(surface, |placed| placed.surface(surface)))
     }
 
     /// Returns the point of a body closest to p, among primitives that a ray along d exits (or enters), as a hit.
@@ -235,29 +387,16 @@ impl Accel {
     pub fn rescue(&self, body: Body, p: Vec3, d: Vec3, exiting: bool) -> Option<Hit> {
         let c = self.closest_facing(body, p, |n| (n.dot(d) > 0.0) == exiting)?;
         let t = (c.p - p).dot(d).max(0.0);
-        Some(Hit { rescued: true, ..self.hit(Candidate { t, prim: c.prim, b: c.b, exiting }) })
+        let candidate = Candidate { t, number: c.prim.number, b: c.b, exiting };
+        Some(Hit { rescued: true, ..self.hit(c.prim.instance, candidate) })
     }
 
-    /// Returns whether a ray from a triangle starts within the slack of an edge, or passes one within the slack of the plane.
+    /// Returns whether the side of a start on a body is in doubt, see [`Group::is_shallow`].
     fn is_shallow(&self, ray: &Ray, body: Body) -> bool {
-        let (shape, index) = self.locate(ray.skip);
-        let Form::Mesh(m) = &self.shapes[shape as usize].form else {
-            return false;
-        };
-        let [p0, p1, p2] = m.corners(index);
-        let (e1, e2) = (p1 - p0, p2 - p0);
-        let n = e1.cross(e2);
-        // Barycentric weights and their rates along the ray, times |n|^2.
-        let (g1, g2) = (e2.cross(n), n.cross(e1));
-        let (b1, b2) = ((ray.o - p0).dot(g1), (ray.o - p0).dot(g2));
-        let (r1, r2) = (ray.d.dot(g1), ray.d.dot(g2));
-        let n2 = n.length_squared();
-        let b0 = n2 - b1 - b2;
-        let edge = (b0 / (g1 + g2).length()).min(b1 / g1.length()).min(b2 / g2.length());
-        let t = (b1 / r1).abs().min((b2 / r2).abs()).min((b0 / (r1 + r2)).abs());
-        let depth = ray.d.dot(n).abs() * t / n2.sqrt();
-        // NaN means a triangle too small for f32 products: verify it, too.
-        edge.is_nan() || depth.is_nan() || edge < body.slack || depth < body.slack
+        match self.group_of(body.instance) {
+            (group, None) => group.is_shallow(ray, body),
+            (group, Some(p)) => group.is_shallow(&p.ray(ray, body.instance, ray.t_max).0, p.body(body)),
+        }
     }
 
     /// Returns the nearest hit after finding out by the count of crossings on which side of the body the ray starts.
@@ -290,188 +429,17 @@ impl Accel {
     }
 
     #[inline]
-    fn hit(&self, c: Candidate) -> Hit {
-        let (shape, index) = self.locate(c.prim);
-        Hit { t: c.t.max(0.0), prim: c.prim, shape, index, b: c.b, exiting: c.exiting, rescued: false }
-    }
-
-    /// Visits the crossings that count and have `t < t_max`, which the visitor may lower, until it returns true.
-    #[inline(always)]
-    fn search(&self, ray: &Ray, mut visit: impl FnMut(Candidate, &mut f32) -> bool) {
-        let low = match ray.facing {
-            Facing::Exiting(b) if ray.skip == NONE => ray.t_min - BEHIND * b.slack,
-            _ => ray.t_min,
-        };
-        if self.only_quadrics && self.bvh.nodes.is_empty() {
-            // A few quadrics: nothing to project.
-            let mut t_max = ray.t_max;
-            for leaf in &self.leaves {
-                if self.try_quadric(leaf, ray, low, &mut t_max, &mut visit) {
-                    return;
-                }
-            }
-            return;
-        }
-        let projection = Projection::new(ray.o, ray.d);
-        let mut try_leaf = |leaf: &Leaf, t_max: &mut f32| {
-            if leaf.is_quadric() {
-                return self.try_quadric(leaf, ray, low, t_max, &mut visit);
-            }
-            let Some(x) = projection.cross(leaf) else {
-                return false;
-            };
-            let prim = leaf.prim();
-            let exiting = (x.det > 0.0) != leaf.is_reversed();
-            if x.t >= *t_max
-                || prim == ray.skip
-                || !counts(ray, prim, exiting, x.t, low, || outside_by(leaf, x.t, x.det))
-            {
-                return false;
-            }
-            visit(Candidate { t: x.t, prim, b: x.b, exiting }, t_max)
-        };
-        if self.bvh.nodes.is_empty() {
-            let mut t_max = ray.t_max;
-            for leaf in &self.leaves {
-                if try_leaf(leaf, &mut t_max) {
-                    return;
-                }
-            }
-        } else {
-            let boxes = BoxRay::new(ray.o, ray.d, low);
-            bvh::traverse_ray(&self.bvh, &boxes, ray.t_max, |i, t_max| try_leaf(&self.leaves[i as usize], t_max));
-        }
-    }
-
-    #[inline(never)]
-    fn try_quadric(
-        &self,
-        leaf: &Leaf,
-        ray: &Ray,
-        low: f32,
-        t_max: &mut f32,
-        visit: &mut impl FnMut(Candidate, &mut f32) -> bool,
-    ) -> bool {
-        let prim = leaf.prim();
-        let (shape, _) = self.locate(prim);
-        let Form::Quadric(q) = &self.shapes[shape as usize].form else {
-            return false;
-        };
-        let mut found = |t: f64, outward: bool, t_max: &mut f32| {
-            let (t, exiting) = (t as f32, outward != leaf.is_reversed());
-            let outside = || {
-                let (_, n) = q.point_and_normal((ray.o + ray.d * t).as_dvec3());
-                f64::from((ray.t_min - t).max(0.0) * n.dot(ray.d).abs())
-            };
-            t < *t_max
-                && counts(ray, prim, exiting, t, low, outside)
-                && visit(Candidate { t, prim, b: [0.0; 2], exiting }, t_max)
-        };
-
-        // Inside a closed quadric the exit always exists: the far root, or at once if rounding put the start outside. A
-        // ray that starts on a sphere or cylinder and heads outward by rounding leaves at once, too.
-        let on_surface = prim == ray.skip;
-        if let Facing::Exiting(body) = ray.facing
-            && body.contains(prim)
-            && !leaf.is_reversed()
-        {
-            let at_once = f64::from(ray.t_min);
-            if on_surface && q.heads_outward(ray.o, ray.d) {
-                return found(at_once, true, t_max);
-            }
-            if q.is_closed() && !on_surface {
-                return match q.roots(ray.o, ray.d, false)[1].filter(|r| r.t > at_once) {
-                    Some(exit) => found(exit.t, true, t_max),
-                    None => q.outside_by(ray.o) <= f64::from(body.slack) && found(at_once, true, t_max),
-                };
-            }
-        }
-        for root in q.roots(ray.o, ray.d, on_surface).into_iter().flatten() {
-            if found(root.t, root.exiting, t_max) {
-                return true;
-            }
-        }
-        false
-    }
-}
-
-/// Returns whether a crossing counts for a ray; `outside` tells how far the origin lies beyond the surface.
-#[inline(always)]
-fn counts(ray: &Ray, prim: u32, exiting: bool, t: f32, low: f32, outside: impl FnOnce() -> f64) -> bool {
-    let (body, wanted) = match ray.facing {
-        Facing::Any => return t > ray.t_min,
-        Facing::Exiting(b) => (b, true),
-        Facing::Entering(b) => (b, false),
-    };
-    if !body.contains(prim) {
-        return t > ray.t_min;
-    }
-    exiting == wanted && (t > ray.t_min || (t >= low && outside() <= f64::from(body.slack)))
-}
-
-/// Returns how far a ray's origin lies beyond the plane of a triangle that it crosses at `t <= 0`.
-#[cold]
-fn outside_by(leaf: &Leaf, t: f32, det: f64) -> f64 {
-    let [a, b, c] = leaf.corners();
-    let n = (b - a).cross(c - a).as_dvec3().length();
-    -f64::from(t) * det.abs() / n
-}
-
-#[inline]
-fn interpolate([p0, p1, p2]: [Vec3; 3], b: [f32; 2]) -> Vec3 {
-    p0 * (1.0 - b[0] - b[1]) + p1 * b[0] + p2 * b[1]
-}
-
-/// Interpolates the normals of a triangle and brings the result to the geometric normal's side.
-#[inline]
-fn shading_normal(m: &Mesh, triangle: u32, w: [f32; 3], ng: Vec3) -> Vec3 {
-    let corner = m.indices()[triangle as usize];
-    let sum: Vec3 = corner.iter().zip(w).map(|(&v, w)| m.normals()[v as usize] * w).sum();
-    match sum.try_normalize() {
-        Some(n) if n.dot(ng) < 0.0 => -n,
-        Some(n) => n,
-        None => ng,
-    }
-}
-
-fn mesh_surface(m: &Mesh, triangle: u32, b: [f32; 2], reverse: bool) -> Surface {
-    let [p0, p1, p2] = m.corners(triangle);
-    let corner = m.indices()[triangle as usize];
-    let w = [1.0 - b[0] - b[1], b[0], b[1]];
-    let mut ng = (p1 - p0).cross(p2 - p0).normalize();
-    if reverse {
-        ng = -ng;
-    }
-
-    let ns = if m.normals().is_empty() { ng } else { shading_normal(m, triangle, w, ng) };
-
-    // Invert the map from (u, v) to the triangle's plane.
-    let uvs = if m.uvs().is_empty() { [Vec2::ZERO, Vec2::X, Vec2::ONE] } else { corner.map(|v| m.uvs()[v as usize]) };
-    let uv = uvs[0] * w[0] + uvs[1] * w[1] + uvs[2] * w[2];
-    let (e1, e2) = (p1 - p0, p2 - p0);
-    let (u1, u2) = (uvs[1] - uvs[0], uvs[2] - uvs[0]);
-    let det = Mat2::from_cols(u1, u2).determinant();
-    let (mut dpdu, mut dpdv) = ((e1 * u2.y - e2 * u1.y) / det, (e2 * u1.x - e1 * u2.x) / det);
-    if !dpdu.is_finite() || !dpdv.is_finite() || dpdu.cross(dpdv) == Vec3::ZERO {
-        // Texture coordinates that do not span a plane: any tangents of the triangle's size will do.
-        let f = Frame::new(ng);
-        let size = e1.length().max(e2.length());
-        (dpdu, dpdv) = (f.s * size, f.t * size);
-    }
-    Surface { p: interpolate([p0, p1, p2], b), ng, ns, uv, dpdu, dpdv }
-}
-
-impl Accel {
-    /// Returns the ball of a shape if it is one, for closed-form distances.
-    pub fn ball(&self, shape: u32) -> Option<(Vec3, f32)> {
-        self.shapes[shape as usize].quadric().and_then(Quadric::as_ball).map(|(c, r)| (c.as_vec3(), r as f32))
+    fn hit(&self, instance: u32, c: Candidate) -> Hit {
+        let prim = Prim { instance, number: c.number };
+        let (shape, index) = self.locate(prim);
+        Hit { t: c.t.max(0.0), prim, shape, index, b: c.b, exiting: c.exiting, rescued: false }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::generate;
+    use crate::{Quadric, generate};
     use moonmilk_core::{Mat4, Random, Stream};
 
     #[test]
@@ -501,17 +469,6 @@ mod tests {
         assert_eq!(n, 2);
         assert!(!a.occluded(&ray.up_to(3.0), |_| true) && a.occluded(&ray.up_to(3.1), |_| true));
         assert!(!a.occluded(&ray, |h| h.shape == 1));
-    }
-
-    #[test]
-    fn derivatives_follow_the_texture_coordinates() {
-        let p = vec![Vec3::ZERO, Vec3::new(2.0, 0.0, 0.0), Vec3::new(0.0, 3.0, 0.0)];
-        let uv = vec![Vec2::new(0.1, 0.2), Vec2::new(0.6, 0.2), Vec2::new(0.1, 0.95)];
-        let m = Mesh::new(p, vec![], uv, vec![[0, 1, 2]]).unwrap();
-        let s = mesh_surface(&m, 0, [0.5, 0.25], false);
-        // Rounding of sums of three f32 products.
-        assert!(s.dpdu.distance(Vec3::new(4.0, 0.0, 0.0)) < 1e-5 && s.dpdv.distance(Vec3::new(0.0, 4.0, 0.0)) < 1e-5);
-        assert!(s.uv.distance(Vec2::new(0.35, 0.3875)) < 1e-6 && s.p.distance(Vec3::new(1.0, 0.75, 0.0)) < 1e-6);
     }
 
     #[test]

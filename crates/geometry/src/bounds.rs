@@ -49,6 +49,11 @@ impl Bounds {
         p.cmpge(self.min).all() && p.cmple(self.max).all()
     }
 
+    /// Returns whether two closed boxes share a point.
+    pub fn overlaps(&self, o: &Self) -> bool {
+        self.min.cmple(o.max).all() && o.min.cmple(self.max).all()
+    }
+
     /// Returns the box grown by a length on every side.
     pub fn grown(self, by: f32) -> Self {
         Self { min: self.min - by, max: self.max + by }

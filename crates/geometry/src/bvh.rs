@@ -107,17 +107,23 @@ pub(crate) fn hit_children(node: &CwBvhNode, ray: &BoxRay, t_max: f32, oct_inv4:
 }
 
 /// Visits the leaves that a ray may meet, nearest octant first; `visit` gets a position in leaf order and the current
-/// `t_max`, which it may lower, and returns whether to stop.
+/// `t_max`, which it may lower, and returns whether to stop. Returns whether it stopped.
 #[inline(always)]
-pub(crate) fn traverse_ray(bvh: &CwBvh, ray: &BoxRay, mut t_max: f32, mut visit: impl FnMut(u32, &mut f32) -> bool) {
+pub(crate) fn traverse_ray(
+    bvh: &CwBvh,
+    ray: &BoxRay,
+    mut t_max: f32,
+    mut visit: impl FnMut(u32, &mut f32) -> bool,
+) -> bool {
     let mut state: Traversal = bvh.new_traversal(ray.d);
     let mut node;
     'all: {
         traverse!(bvh, node, state, hit_children(node, ray, t_max, state.oct_inv4), {
             if visit(state.primitive_id, &mut t_max) {
-                break 'all;
+                break 'all true;
             }
         });
+        false
     }
 }
 

@@ -64,8 +64,20 @@ impl Clearance {
         }
         let others: Vec<&Shape> =
             shapes.iter().copied().filter(|s| !(few && ball(s).is_some() || outside(s, &bounds))).collect();
-        let grid = if others.is_empty() { None } else { Grid::build(&others, bounds, max_cells.max(1)) };
+        let mark = |marks: &Marks| others.iter().for_each(|s| marks.add(s));
+        let grid = if others.is_empty() { None } else { Grid::build(mark, bounds, max_cells.max(1)) };
         Self { bounds, balls, grid }
+    }
+
+    /// Builds the bound over a box from what `mark` marks; `None` if that is nothing.
+    pub(crate) fn of_marks(mark: impl FnOnce(&Marks), bounds: Bounds, max_cells: usize) -> Option<Self> {
+        let mut any = false;
+        let mark = |marks: &Marks| {
+            mark(marks);
+            any = marks.cells.iter().any(|c| c.load(Relaxed) != 0);
+        };
+        let grid = Grid::build(mark, bounds, max_cells.max(1));
+        any.then_some(Self { bounds, balls: Vec::new(), grid })
     }
 
     /// Returns a lower bound of the distance from p to the surfaces \[L\]; 0 outside the box, and for NaN.
@@ -101,7 +113,7 @@ fn outside(s: &Shape, b: &Bounds) -> bool {
 }
 
 impl Grid {
-    fn build(shapes: &[&Shape], bounds: Bounds, max_cells: usize) -> Option<Self> {
+    fn build(mark: impl FnOnce(&Marks), bounds: Bounds, max_cells: usize) -> Option<Self> {
         let extent = bounds.extent();
         let longest = extent.max_element();
         if bounds.is_empty() || !longest.is_finite() || longest <= 0.0 {
@@ -123,7 +135,7 @@ impl Grid {
 
         // Mark the cells with surface in them, then transform along x, y and z.
         let marks = Marks::new(bounds.min, inv_cell, size);
-        shapes.iter().for_each(|s| marks.add(s));
+        mark(&marks);
         let squares = along_z(along_y(along_x(&marks), size), size);
 
         // Encode: the largest bound maps to 255, smaller ones to the root of their share, rounded down.
@@ -149,7 +161,7 @@ impl Grid {
 }
 
 /// Cells with surface in them, in the order z, y, x.
-struct Marks {
+pub(crate) struct Marks {
     min: Vec3,
     inv_cell: f32,
     size: UVec3,
@@ -162,7 +174,8 @@ impl Marks {
         Self { min, inv_cell, size, cells: (0..n).map(|_| AtomicU8::new(0)).collect() }
     }
 
-    fn add(&self, shape: &Shape) {
+    /// Marks what a shape passes through.
+    pub(crate) fn add(&self, shape: &Shape) {
         let local = |p: Vec3| (p - self.min) * self.inv_cell;
         match &shape.form {
             Form::Mesh(m) => (0..m.indices().len() as u32)
@@ -188,6 +201,29 @@ impl Marks {
                 });
             }
         }
+    }
+
+    /// Returns the side of a cell \[L\].
+    pub(crate) fn cell(&self) -> f32 {
+        1.0 / self.inv_cell
+    }
+
+    /// Marks all that a box touches.
+    pub(crate) fn add_box(&self, b: &Bounds) {
+        let Some((low, high)) = self.range((b.min - self.min) * self.inv_cell, (b.max - self.min) * self.inv_cell)
+        else {
+            return;
+        };
+        for z in low.z..=high.z {
+            for y in low.y..=high.y {
+                (low.x..=high.x).for_each(|x| self.set(x, y, z));
+            }
+        }
+    }
+
+    /// Marks what a triangle passes through.
+    pub(crate) fn add_corners(&self, corners: [Vec3; 3]) {
+        self.add_triangle(corners.map(|p| (p - self.min) * self.inv_cell));
     }
 
     /// Marks the cells that a triangle (in cell coordinates) may touch.

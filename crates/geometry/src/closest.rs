@@ -1,11 +1,16 @@
 //! The closest point of the surface, by a search through the tree.
 
+use std::ops::Range;
+
 use moonmilk_core::Vec3;
 
 use crate::accel::Accel;
-use crate::ray::Body;
+use crate::group::Group;
+use crate::place::Placement;
+use crate::ray::{Body, Prim, WORLD};
+use crate::search::nearest_first;
 use crate::shape::Form;
-use crate::triangle::{Leaf, closest_on_triangle};
+use crate::triangle::closest_on_triangle;
 
 /// The closest point of a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -15,13 +20,10 @@ pub struct Closest {
     /// The point.
     pub p: Vec3,
     /// Its primitive.
-    pub prim: u32,
+    pub prim: Prim,
     /// Barycentric weights of the second and third corner; zero for a quadric.
     pub b: [f32; 2],
 }
-
-/// Entries of the search stack: 7 per level of a tree of at most 32 levels, and one more.
-const STACK: usize = 7 * 32 + 1;
 
 impl Accel {
     /// Returns the point of all surfaces closest to p; `None` in an empty scene.
@@ -29,7 +31,19 @@ impl Accel {
     /// *Accuracy*: rounding of f32 for triangles and balls; for cut or unequally stretched quadrics the point found by
     /// projection in object space, whose distance is an upper bound.
     pub fn closest_point(&self, p: Vec3) -> Option<Closest> {
-        self.closest_point_on(Body { first: 0, end: u32::MAX, slack: 0.0 }, p)
+        let mut limit = f32::INFINITY;
+        let mut best = self.world.closest(None, WORLD, 0..u32::MAX, p, &mut limit, |_| true);
+        let mut visit = |i: u32, limit: &mut f32| {
+            let placed = &self.placements[i as usize];
+            let group = &self.groups[placed.group as usize];
+            best = group.closest(Some(placed), i, 0..u32::MAX, p, limit, |_| true).or(best);
+        };
+        if self.top.nodes.is_empty() {
+            (0..self.placements.len() as u32).for_each(|i| visit(i, &mut limit));
+        } else {
+            nearest_first(&self.top, p, 1.0, &mut limit, |i, limit| visit(self.order[i as usize], limit));
+        }
+        best
     }
 
     /// Returns the point of a body closest to p.
@@ -39,72 +53,60 @@ impl Accel {
 
     /// Returns the closest point among primitives whose normal there (not of unit length) passes a test.
     pub(crate) fn closest_facing(&self, body: Body, p: Vec3, faces: impl Fn(Vec3) -> bool) -> Option<Closest> {
+        let (group, placed) = self.group_of(body.instance);
+        group.closest(placed, body.instance, body.first..body.end, p, &mut f32::INFINITY.clone(), faces)
+    }
+}
+
+impl Group {
+    /// Returns the point closest to p nearer than the limit, which it lowers.
+    fn closest(
+        &self,
+        placed: Option<&Placement>,
+        instance: u32,
+        numbers: Range<u32>,
+        p: Vec3,
+        limit: &mut f32,
+        faces: impl Fn(Vec3) -> bool,
+    ) -> Option<Closest> {
         let mut best: Option<Closest> = None;
-        let mut limit = f32::INFINITY;
-        let mut try_leaf = |leaf: &Leaf, limit: &mut f32| {
-            let prim = leaf.prim();
-            if !body.contains(prim) {
+        let here = placed.map_or(p, |placed| placed.local(p));
+        let mut try_leaf = |i: u32, limit: &mut f32| {
+            let leaf = &self.leaves[i as usize];
+            let number = leaf.prim();
+            if !numbers.contains(&number) {
                 return;
             }
             let (q, b, n) = if leaf.is_quadric() {
-                match &self.shapes[self.locate(prim).0 as usize].form {
+                match &self.shapes[self.locate(number).0 as usize].form {
                     Form::Quadric(q) => {
-                        let (q, n) = q.point_and_normal(p.as_dvec3());
-                        (q, [0.0; 2], n)
+                        let (q, n) = q.point_and_normal(here.as_dvec3());
+                        (placed.map_or(q, |placed| placed.point(q)), [0.0; 2], n)
                     }
                     Form::Mesh(_) => return,
                 }
             } else {
+                // Compare distances in the world: an unequal stretch changes which triangle is nearest.
                 let [v0, v1, v2] = leaf.corners();
-                let (q, b) = closest_on_triangle(p, [v0, v1, v2]);
+                let corners = placed.map_or([v0, v1, v2], |placed| [v0, v1, v2].map(|v| placed.point(v)));
+                let (q, b) = closest_on_triangle(p, corners);
                 (q, b, (v1 - v0).cross(v2 - v0))
             };
+            let n = placed.map_or(n, |placed| placed.normal(n));
             if !faces(if leaf.is_reversed() { -n } else { n }) {
                 return;
             }
             let distance = p.distance(q);
-            if best.is_none() || distance < *limit {
+            if distance < *limit || (best.is_none() && *limit == f32::INFINITY) {
                 *limit = distance;
-                best = Some(Closest { distance, p: q, prim, b });
+                best = Some(Closest { distance, p: q, prim: Prim { instance, number }, b });
             }
         };
         if self.bvh.nodes.is_empty() {
-            self.leaves.iter().for_each(|l| try_leaf(l, &mut limit));
-            return best;
-        }
-
-        // Depth first, nearest child first; boxes farther than the best point are skipped.
-        let mut stack = [(0f32, 0u32); STACK];
-        let mut len = 1;
-        while len > 0 {
-            len -= 1;
-            let (near, index) = stack[len];
-            if near > limit {
-                continue;
-            }
-            let node = &self.bvh.nodes[index as usize];
-            let mut inner = [(0f32, 0u32); 8];
-            let mut count = 0;
-            for child in (0..8).filter(|&c| !node.is_child_empty(c)) {
-                let b = node.child_aabb(child);
-                let distance = (p - p.clamp(b.min.into(), b.max.into())).length();
-                // Boxes are off by roundings of their coordinates; the margin is that of the ray test.
-                let distance = distance - 2e-6 * (distance + b.max.abs().max(b.min.abs()).max_element());
-                if distance > limit {
-                    continue;
-                }
-                if node.is_leaf(child) {
-                    let (first, n) = node.child_primitives(child);
-                    self.leaves[first as usize..(first + n) as usize].iter().for_each(|l| try_leaf(l, &mut limit));
-                } else {
-                    inner[count] = (distance, node.child_node_index(child));
-                    count += 1;
-                }
-            }
-            // Push the farthest first.
-            inner[..count].sort_unstable_by(|a, b| b.0.total_cmp(&a.0));
-            stack[len..len + count].copy_from_slice(&inner[..count]);
-            len += count;
+            (0..self.leaves.len() as u32).for_each(|i| try_leaf(i, limit));
+        } else {
+            let stretch = placed.map_or(1.0, |placed| placed.stretch[0] as f32);
+            nearest_first(&self.bvh, here, stretch, limit, try_leaf);
         }
         best
     }

@@ -12,6 +12,9 @@
 //! 4. **No ray offsets.** A ray that starts on a surface says so ([`Ray::skip`], [`Facing`]); the surface answers by
 //!    topology (which triangle, which way through it) instead of by distance.
 //!
+//! 5. **An instance is one more space.** A ray is taken to the object's space once; what holds for a closed mesh holds there, under
+//!    any affine transform ([`Accel::with_instances`]).
+//!
 //! # Facing: which hits count
 //!
 //! A point on or inside a body is known up to [`Body::slack`], a few units in the last place of the body's largest
@@ -27,7 +30,7 @@
 //! Hits of shapes that are not part of the body always count for `t > t_min`. [`Ray::skip`] excludes the one primitive
 //! that a ray starts on; a plane cannot be hit twice, and a sphere then answers with its other root. That leaves two cases:
 //!
-//! 1. *A collision point in space that rounding put outside* (`skip` is [`NONE`]). The exit lies at `t` slightly below zero.
+//! 1. *A point that rounding put outside*: a collision in space, or on a surface of something else (`skip` is not of the body). The exit lies at `t` slightly below zero.
 //!    It counts if the origin is beyond it by no more than the slack; the answer is then `t = 0`.
 //! 2. *A start on triangle A near its edge, or along it.* The triangle B behind a convex edge should end a ray that heads
 //!    inward, but if rounding lifted the start by h, the ray passes above the edge by h and misses both: accepting
@@ -47,11 +50,16 @@ pub mod bvh;
 pub mod clearance;
 pub mod closest;
 pub mod generate;
+mod group;
 pub mod mesh;
+mod place;
 pub mod quadric;
 pub mod ray;
+pub mod room;
 pub mod sample;
+mod search;
 pub mod shape;
+mod surface;
 pub mod topology;
 pub mod triangle;
 
@@ -61,6 +69,7 @@ pub use clearance::Clearance;
 pub use closest::Closest;
 pub use mesh::{Mesh, MeshError};
 pub use quadric::{Quadric, QuadricKind};
-pub use ray::{Body, Facing, Hit, NONE, Ray, Surface};
+pub use ray::{Body, Facing, Hit, NONE, Prim, Ray, Surface, WORLD};
+pub use room::Room;
 pub use shape::{Form, Shape};
 pub use topology::Topology;

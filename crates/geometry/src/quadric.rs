@@ -74,7 +74,16 @@ impl Quadric {
     /// Returns a quadric under an affine object-to-world transform, or `None` if the transform is singular, anything is
     /// not finite, or the form is empty.
     pub fn new(kind: QuadricKind, object_to_world: &Mat4) -> Option<Self> {
-        let to_world = DAffine3::from_mat4(DMat4::from_cols_array(&object_to_world.to_cols_array().map(f64::from)));
+        let m = DMat4::from_cols_array(&object_to_world.to_cols_array().map(f64::from));
+        Self::of(kind, DAffine3::from_mat4(m))
+    }
+
+    /// Returns the quadric moved by a further transform, `None` as for [`Quadric::new`].
+    pub(crate) fn moved(&self, by: &DAffine3) -> Option<Self> {
+        Self::of(self.kind, *by * self.to_world)
+    }
+
+    fn of(kind: QuadricKind, to_world: DAffine3) -> Option<Self> {
         let to_object = to_world.inverse();
         let kind = kind.cleaned()?;
         if !to_world.is_finite() || !to_object.is_finite() {
@@ -409,7 +418,7 @@ impl QuadricKind {
 }
 
 /// Smallest and largest singular value of the linear part: square roots of the eigenvalues of M^T M [Smith1961].
-fn stretch_of(m: &DAffine3) -> [f64; 2] {
+pub(crate) fn stretch_of(m: &DAffine3) -> [f64; 2] {
     let m = m.matrix3;
     let a = m.transpose() * m;
     let (d, e) = (a.x_axis.x.max(a.y_axis.y).max(a.z_axis.z), [a.y_axis.x, a.z_axis.x, a.z_axis.y]);

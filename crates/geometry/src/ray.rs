@@ -2,14 +2,30 @@
 
 use moonmilk_core::{Vec2, Vec3};
 
-/// The primitive number that no primitive has.
-pub const NONE: u32 = u32::MAX;
+use crate::group::BEHIND;
+
+/// [`Prim::instance`] of what stands in the world itself.
+pub const WORLD: u32 = u32::MAX;
+
+/// A primitive of the scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Prim {
+    /// The instance that it belongs to, or [`WORLD`].
+    pub instance: u32,
+    /// Its number in the instanced object, or in the world.
+    pub number: u32,
+}
+
+/// The primitive that no primitive is.
+pub const NONE: Prim = Prim { instance: WORLD, number: u32::MAX };
 
 /// A closed surface made of one or several consecutive shapes: the range of its primitives.
 ///
 /// From [`crate::Accel::body`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Body {
+    /// The instance that it belongs to, or [`WORLD`].
+    pub instance: u32,
     /// First primitive.
     pub first: u32,
     /// One past the last primitive.
@@ -21,8 +37,14 @@ pub struct Body {
 impl Body {
     /// Returns whether a primitive belongs to the body.
     #[inline]
-    pub fn contains(&self, prim: u32) -> bool {
-        prim.wrapping_sub(self.first) < self.end - self.first
+    pub fn contains(&self, prim: Prim) -> bool {
+        prim.instance == self.instance && self.has(prim.number)
+    }
+
+    /// Returns whether a primitive of the body's own instance belongs to it.
+    #[inline(always)]
+    pub(crate) fn has(&self, number: u32) -> bool {
+        number.wrapping_sub(self.first) < self.end - self.first
     }
 }
 
@@ -49,7 +71,7 @@ pub struct Ray {
     /// Hits count for `t < t_max`.
     pub t_max: f32,
     /// Primitive that the ray starts on, or [`NONE`].
-    pub skip: u32,
+    pub skip: Prim,
     /// Which hits count.
     pub facing: Facing,
 }
@@ -69,7 +91,7 @@ impl Ray {
 
     /// Returns the ray with the primitive that it starts on.
     #[inline]
-    pub fn from_prim(self, prim: u32) -> Self {
+    pub fn from_prim(self, prim: Prim) -> Self {
         Self { skip: prim, ..self }
     }
 
@@ -77,6 +99,25 @@ impl Ray {
     #[inline]
     pub fn facing(self, facing: Facing) -> Self {
         Self { facing, ..self }
+    }
+
+    /// Returns the ray as an instance (or the world) alone sees it: what it stands on and is inside of counts there only.
+    #[inline(always)]
+    pub(crate) fn within(&self, instance: u32) -> Self {
+        let facing = match self.facing {
+            Facing::Exiting(b) | Facing::Entering(b) if b.instance != instance => Facing::Any,
+            facing => facing,
+        };
+        Self { skip: if self.skip.instance == instance { self.skip } else { NONE }, facing, ..*self }
+    }
+
+    /// Returns the distance, perhaps below `t_min`, from which hits may count: see the crate's documentation, case 1.
+    #[inline(always)]
+    pub(crate) fn low(&self) -> f32 {
+        match self.facing {
+            Facing::Exiting(b) if !b.contains(self.skip) => self.t_min - BEHIND * b.slack,
+            _ => self.t_min,
+        }
     }
 
     /// Returns the point at distance t.
@@ -91,9 +132,9 @@ impl Ray {
 pub struct Hit {
     /// Distance along the ray \[L\]; never below 0.
     pub t: f32,
-    /// Number of the primitive in the whole scene (pass it on as [`Ray::skip`]).
-    pub prim: u32,
-    /// Number of the shape.
+    /// The primitive (pass it on as [`Ray::skip`]).
+    pub prim: Prim,
+    /// Number of the shape: those of the world first, then those of each instance in turn.
     pub shape: u32,
     /// Number of the triangle in its mesh; 0 for a quadric.
     pub index: u32,

@@ -1,5 +1,6 @@
 //! Random walks inside closed bodies must always find their way out, at every scale: zero losses allowed.
 
+use moonmilk_core::glam::{DAffine3, DQuat, DVec3};
 use moonmilk_core::{Mat4, Random, Stream, Vec3};
 use moonmilk_geometry::{Accel, Body, Bounds, Facing, Hit, NONE, Quadric, Ray, Shape, generate};
 
@@ -79,10 +80,14 @@ impl Walker<'_> {
 }
 
 fn walks(name: &str, shape: Shape, inside: impl Fn(&mut Stream) -> Vec3, budget: u64) {
-    let bounds = shape.bounds();
-    let accel = Accel::build(vec![shape]);
-    let body = accel.body(0..1);
-    let w = Walker { accel: &accel, body, bounds: bounds.grown(body.slack), size: bounds.extent().max_element() };
+    walks_in(name, &Accel::build(vec![shape]), 0, inside, budget);
+}
+
+/// Walks in one shape of a scene.
+fn walks_in(name: &str, accel: &Accel, shape: u32, inside: impl Fn(&mut Stream) -> Vec3, budget: u64) {
+    let bounds = accel.shape_bounds(shape);
+    let body = accel.body(shape..shape + 1);
+    let w = Walker { accel, body, bounds: bounds.grown(body.slack), size: bounds.extent().max_element() };
     let mut r = Stream::new(&[31]);
     let mut c = Count::default();
     let mut k = 0;
@@ -157,6 +162,76 @@ fn walks_in_an_ellipsoid_never_leak() {
         * Mat4::from_scale(Vec3::new(2.0, 0.05, 1.0));
     let q = Quadric::new(kind, &m).unwrap();
     walks("ellipsoid", q.into(), |r| Vec3::splat(50.0) + direction(r) * 0.03, 500_000);
+}
+
+/// Where instances stand in the tests: turned, small and large, mirrored, squashed, sheared, far from the origin.
+fn placements() -> Vec<DAffine3> {
+    let turn = DQuat::from_axis_angle(DVec3::new(0.6, 0.0, 0.8), 1.2);
+    let place = |scale: DVec3, at: DVec3| DAffine3::from_scale_rotation_translation(scale, turn, at);
+    let mut shear = place(DVec3::ONE, DVec3::new(-9.0, 4.0, 0.0));
+    shear.matrix3.y_axis += shear.matrix3.x_axis * 0.7;
+    vec![
+        DAffine3::IDENTITY,
+        place(DVec3::splat(1e-3), DVec3::new(3.0, 3.0, 0.0)),
+        place(DVec3::splat(1e3), DVec3::new(0.0, 5e3, 0.0)),
+        place(DVec3::new(-1.0, 1.0, 1.0), DVec3::new(0.0, 0.0, 6.0)),
+        place(DVec3::new(2.0, 0.05, -1.0), DVec3::new(0.0, -8.0, 0.0)),
+        shear,
+        place(DVec3::splat(1.0), DVec3::new(300.0, -200.0, 900.0)),
+    ]
+}
+
+#[test]
+fn walks_in_instances_never_leak_whatever_their_transform() {
+    let objects =
+        vec![vec![generate::bumpy_sphere(6, 0.2).into(), Quadric::sphere(Vec3::X * 3.0, 0.5).unwrap().into()]];
+    let places: Vec<_> = placements().into_iter().map(|m| (0, m)).collect();
+    let aside = generate::sheet(20, 0.1).transformed(&Mat4::from_translation(Vec3::X * 9.0)).unwrap();
+    let accel = Accel::with_instances(vec![aside.into()], objects, &places).unwrap();
+    for (i, (_, m)) in places.iter().enumerate() {
+        for (shape, center, radius) in [(0, DVec3::ZERO, 0.3), (1, DVec3::X * 3.0, 0.2)] {
+            let start = |r: &mut Stream| m.transform_point3(center + direction(r).as_dvec3() * radius).as_vec3();
+            walks_in(&format!("instance {i}, shape {shape}"), &accel, 1 + 2 * i as u32 + shape, start, 200_000);
+        }
+    }
+}
+
+#[test]
+fn lines_cross_every_instance_inward_and_outward_in_turn() {
+    let mesh = generate::bumpy_sphere(5, 0.5);
+    let mut places: Vec<_> = placements().into_iter().map(|m| (0, m)).collect();
+    // A neighbour that overlaps the first one.
+    places.push((0, DAffine3::from_translation(DVec3::new(0.8, 0.1, 0.0))));
+    let accel = Accel::with_instances(vec![], vec![vec![mesh.clone().into()]], &places).unwrap();
+    let mut r = Stream::new(&[37]);
+    let (mut hits, mut crossed) = (Vec::<Hit>::new(), 0);
+    for k in 0..200_000u32 {
+        let i = k as usize % places.len();
+        let m = &places[i].1;
+        // Through vertices and through the middle, from all over and from inside.
+        let p = if k % 3 == 0 { mesh.corners(k % mesh.indices().len() as u32)[0] } else { direction(&mut r) * 0.6 };
+        let target = m.transform_point3(p.as_dvec3()).as_vec3();
+        let from = direction(&mut r).as_dvec3() * if k % 5 == 0 { 0.2 } else { 5.0 };
+        let o = m.transform_point3(from).as_vec3();
+        let ray = Ray::new(o, (target - o).normalize());
+        hits.clear();
+        accel.all_hits(&ray, |h| hits.push(*h));
+        let inside = i32::from(k % 5 == 0);
+        for j in 0..places.len() as u32 {
+            let of_one = || hits.iter().filter(|h| h.prim.instance == j);
+            let count: i32 = of_one().map(|h| if h.exiting { 1 } else { -1 }).sum();
+            if k % 3 != 0 && j == i as u32 {
+                assert_eq!(count, inside, "ray {k}, instance {j}: {hits:?}");
+                crossed += usize::from(of_one().count() > 0);
+            }
+            if k % 3 == 0 && j == i as u32 && inside == 1 {
+                assert!(of_one().any(|h| h.exiting), "ray {k} found no way out of instance {j}");
+            }
+        }
+        let nearest = hits.iter().map(|h| h.t).fold(f32::INFINITY, f32::min);
+        assert_eq!(accel.nearest(&ray).map_or(f32::INFINITY, |h| h.t), nearest, "ray {k}");
+    }
+    assert!(crossed > 100_000, "{crossed}");
 }
 
 #[test]

@@ -104,6 +104,8 @@ fn field_of_lamps(n: u32) -> SceneDescription {
         spectrum_textures: vec![],
         images: vec![],
         shapes: vec![shape],
+        objects: vec![],
+        instances: vec![],
         lights: vec![],
     }
 }

@@ -45,6 +45,11 @@ impl Camera {
         }
     }
 
+    /// Returns the origin of all rays of a pinhole, or the middle of the lens or film.
+    pub fn origin(&self) -> Vec3 {
+        self.camera_to_world.transform_point3(Vec3::ZERO)
+    }
+
     /// Returns origin and unit direction of the ray through a point of the film \[pixels\]; `lens` are uniform variates.
     pub fn ray(&self, film: Vec2, lens: [f32; 2]) -> (Vec3, Vec3) {
         let [x0, x1, y0, y1] = self.window;

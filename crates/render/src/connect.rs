@@ -6,9 +6,10 @@ use moonmilk_walk::{Medium, Tally, Walker};
 
 use crate::bsdf::Shaded;
 use crate::integrator::{Counters, Light, Path};
-use crate::interior::{Interior, Nest, Standing};
+use crate::interior::{Interior, Standing};
 use crate::lights::LightSample;
-use crate::scene::{Boundary, Object, Scene};
+use crate::nest::Nest;
+use crate::scene::{Object, Scene};
 use crate::texture::TexturePoint;
 use crate::through::Through;
 
@@ -22,11 +23,13 @@ const MOST_CROSSINGS: u32 = 1 << 14;
 const LEAST: f32 = 0.02;
 
 /// A place from which light is looked for.
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 pub(crate) struct From<const N: usize> {
     pub p: Vec3,
     pub standing: Standing,
     pub medium: Option<Medium<N>>,
+    /// Medium around all bodies.
+    pub ambient: Option<Medium<N>>,
     pub inside: Nest,
 }
 
@@ -41,17 +44,23 @@ pub(crate) fn transmittance<const N: usize>(
     counters: &mut Counters,
 ) -> Spectrum<N> {
     counters.shadow_rays += 1;
-    let mut at = *from;
+    let mut at = from.clone();
     let mut left = distance * END;
     let mut t = Spectrum::<N>::ONE;
     for _ in 0..MOST_CROSSINGS {
         let ray = at.standing.ray_inside(scene, at.inside.innermost(), at.p, wi).up_to(left);
-        // Without surfaces that let light through, any hit will do.
-        if !scene.has_passages {
-            return match scene.accel.occluded(&ray, |_| true) {
-                true => Spectrum::ZERO,
-                false => t * at.medium.map_or(Spectrum::ONE, |m| m.transmittance(left / END)),
-            };
+        // Any hit on what never lets light through will do, and without surfaces that may there is nothing more to find.
+        let mut passages = false;
+        let blocked = scene.accel.occluded(&ray, |h| {
+            let may_pass = scene.objects[h.shape as usize].passable;
+            passages |= may_pass;
+            !may_pass
+        });
+        if blocked {
+            return Spectrum::ZERO;
+        }
+        if !passages {
+            return t * at.medium.map_or(Spectrum::ONE, |m| m.transmittance(left / END));
         }
         let Some(hit) = scene.accel.nearest(&ray) else {
             return t * at.medium.map_or(Spectrum::ONE, |m| m.transmittance(left / END));
@@ -63,7 +72,7 @@ pub(crate) fn transmittance<const N: usize>(
             let alpha = scene.textures.eval_float(a, &point);
             alpha < 1.0 && rng.uniform() >= alpha
         });
-        if !cut_out && object.boundary != Boundary::Interface {
+        if !cut_out && !object.is_open_to_light(at.inside.meet(object, hit.shape, hit.exiting)) {
             return Spectrum::ZERO;
         }
         if let Some(m) = at.medium {
@@ -91,13 +100,13 @@ impl<const N: usize> From<N> {
         outward: bool,
         wavelengths: &Wavelengths<N>,
     ) {
-        if outward {
-            self.medium = scene.medium_outside(object, wavelengths, self.medium);
-            self.inside.leave(hit.shape);
+        if object.body.is_some() {
+            let (medium, ambient) = (&mut self.medium, &mut self.ambient);
+            self.inside.cross(scene, hit.shape, outward, point, wavelengths, medium, ambient);
         } else {
-            self.medium = scene.medium_inside(object, point, wavelengths, self.medium);
-            if object.body.is_some() {
-                self.inside.enter(hit.shape);
+            self.medium = scene.medium_beyond(object, outward, point, wavelengths, self.medium);
+            if self.inside.bodies().is_empty() {
+                self.ambient = self.medium;
             }
         }
         self.standing = match (object.body.is_some(), outward) {
@@ -153,7 +162,13 @@ pub(crate) fn at_surface<const N: usize>(
         return;
     }
     // Start on the side towards the light, in the medium there.
-    let mut from = From { p: surface.p, standing: path.standing, medium: path.medium, inside: path.inside };
+    let mut from = From {
+        p: surface.p,
+        standing: path.standing,
+        medium: path.medium,
+        ambient: path.ambient,
+        inside: path.inside.clone(),
+    };
     let outward = sample.wi.dot(surface.ng) > 0.0;
     if outward == (wo.dot(surface.ng) > 0.0) {
         from.standing = match (object.body.is_some(), outward) {
@@ -177,7 +192,9 @@ pub(crate) struct InMedium<'a, 'b, const N: usize> {
     pub light: &'b mut Light<N>,
     pub counters: &'b mut Counters,
     pub interior: &'b Interior<'a>,
-    pub inside: Nest,
+    pub inside: &'b Nest,
+    /// Medium around all bodies.
+    pub ambient: Option<Medium<N>>,
     pub connects: bool,
     /// Connections through the object's boundary.
     pub through: Option<Through<'a>>,
@@ -222,7 +239,13 @@ impl<const N: usize> InMedium<'_, '_, N> {
             return;
         }
         let phase = medium.phase(walker.d, sample.wi);
-        let from = From { p: walker.p, standing: Standing::Space, medium: Some(*medium), inside: self.inside };
+        let from = From {
+            p: walker.p,
+            standing: Standing::Space,
+            medium: Some(*medium),
+            ambient: self.ambient,
+            inside: self.inside.clone(),
+        };
         let t = transmittance(self.scene, &from, sample.wi, sample.distance, self.wavelengths, rng, self.counters);
         if !t.is_black() {
             self.light.add(walker.collisions, weighed(&sample, beta * phase, walker.ratio, phase, t));

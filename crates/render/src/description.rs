@@ -58,8 +58,12 @@ pub struct SceneDescription {
     pub spectrum_textures: Vec<SpectrumTexture>,
     /// Decoded pictures.
     pub images: Vec<ImageDescription>,
-    /// Shapes in world space order of the file.
+    /// Shapes that stand in the world, in the order of the file.
     pub shapes: Vec<ShapeDescription>,
+    /// Objects that stand where [`SceneDescription::instances`] say.
+    pub objects: Vec<ObjectDescription>,
+    /// Places of objects.
+    pub instances: Vec<InstanceDescription>,
     /// Lights that are not shapes.
     pub lights: Vec<LightDescription>,
 }
@@ -563,6 +567,26 @@ pub struct ShapeDescription {
     pub area_light: Option<AreaLightDescription>,
     /// Opacity: a stochastic cut-out.
     pub alpha: Option<FloatTextureId>,
+}
+
+/// Shapes that stand together in several places, or in none.
+#[derive(Clone, Debug)]
+pub struct ObjectDescription {
+    /// Name in the file.
+    pub name: String,
+    /// Its shapes; `object_to_world` leads to the object's space instead. None of them emits.
+    pub shapes: Vec<ShapeDescription>,
+}
+
+/// A place of an object.
+#[derive(Clone, Debug)]
+pub struct InstanceDescription {
+    /// Where it was said.
+    pub place: Place,
+    /// Index into [`SceneDescription::objects`].
+    pub object: usize,
+    /// The object's space to world space.
+    pub object_to_world: Mat4,
 }
 
 /// Forms of shapes in object space.

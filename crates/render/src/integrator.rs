@@ -11,13 +11,14 @@
 
 use moonmilk_core::{Random, Sampler, Spectrum, Vec3};
 use moonmilk_core::{WavelengthMode, Wavelengths};
-use moonmilk_geometry::{Facing, Hit, NONE, Ray, Surface};
+use moonmilk_geometry::{Facing, Hit, NONE, Prim, Ray, Surface};
 use moonmilk_walk::{Medium, Outcome, Roulette, Walker, classic};
 
 use crate::bsdf::boundary::branches;
 use crate::bsdf::{Bsdf, Crossing, Kind};
 use crate::connect;
-use crate::interior::{Exit, Interior, Nest, Standing};
+use crate::interior::{Exit, Interior, Standing};
+use crate::nest::{Meeting, Nest};
 use crate::scene::{Boundary, Object, Scene};
 use crate::texture::TexturePoint;
 use crate::through::{Escape, Through};
@@ -136,7 +137,9 @@ pub(crate) struct Path<const N: usize> {
     pub walker: Walker<N>,
     /// Medium around the walker, `None` for vacuum.
     pub medium: Option<Medium<N>>,
-    /// Closed objects that the walker is inside of.
+    /// Medium around all bodies that the walker is inside of.
+    pub ambient: Option<Medium<N>>,
+    /// Bodies that the walker is inside of.
     pub inside: Nest,
     /// Surface that the walker stands on.
     pub standing: Standing,
@@ -168,10 +171,16 @@ impl Integrator {
         counters: &mut Counters,
     ) {
         counters.paths += 1;
+        // What the file says is around the camera is there; otherwise it is what the bodies around it are made of.
+        let said = scene.camera_medium.and_then(|m| scene.medium::<N>(m, wavelengths));
+        let inside = scene.nest_at(o);
+        let found = inside.medium(scene, wavelengths, None);
+        let ambient = if found.is_none() { said } else { None };
         let mut path = Path {
             walker: Walker::new(o, d),
-            medium: scene.camera_medium.and_then(|m| scene.medium::<N>(m, wavelengths)),
-            inside: Nest::default(),
+            medium: said.or(found),
+            ambient,
+            inside,
             standing: Standing::Space,
             normal: None,
             depth: 0,
@@ -224,10 +233,10 @@ impl Integrator {
 
         // Walk inside the medium until a wall leaves something to decide.
         let through = match self.max_depth {
-            None => Through::new(scene, path.inside.innermost(), &medium, wavelengths),
+            None => Through::new(scene, &path.inside, &medium, path.ambient.as_ref(), wavelengths),
             Some(_) => None,
         };
-        let interior = Interior::new(scene, path.inside.innermost(), self.max_depth.is_some(), path.standing, through);
+        let interior = Interior::new(scene, &path.inside, self.max_depth.is_some(), path.standing, through);
         let collisions = path.walker.collisions;
         let limit = self.max_depth.map_or(ENDLESS as u32, |m| m - path.depth.min(m));
         let connects = !scene.lights.is_empty() && interior.connects();
@@ -237,7 +246,8 @@ impl Integrator {
             light,
             counters,
             interior: &interior,
-            inside: path.inside,
+            inside: &path.inside,
+            ambient: path.ambient,
             connects,
             through,
         };
@@ -253,8 +263,8 @@ impl Integrator {
             Outcome::Left(Exit::Outside(hit, escape)) => {
                 path.escape = escape;
                 counters.left += 1;
-                let object = &scene.objects[hit.shape as usize];
-                path.leave(scene, object, hit.shape, wavelengths);
+                let point = TexturePoint { p: path.walker.p, n: path.walker.d, uv: Default::default() };
+                path.cross_body(scene, hit.shape, true, &point, wavelengths);
                 path.standing = Standing::Outside(hit);
                 path.normal = None;
                 true
@@ -408,10 +418,16 @@ impl Integrator {
             path.standing = Standing::Through(hit);
             return true;
         }
-        if object.boundary == Boundary::Interface {
-            path.pass(scene, object, hit, path.walker.d.dot(surface.ng) > 0.0, wavelengths);
+        // Pass what is not there: mere interfaces, boundaries within a body of higher rank, and between equal indices.
+        let meeting = match object.body {
+            Some(_) => path.inside.meet(object, hit.shape, hit.exiting),
+            None => Meeting::True(1.0),
+        };
+        if object.is_open_to_light(meeting) {
+            path.change_medium(scene, object, hit, &point, path.walker.d.dot(surface.ng) > 0.0, wavelengths, counters);
             return true;
         }
+        let outer = if let Meeting::True(outer) = meeting { outer } else { 1.0 };
         if !path.seen {
             path.seen = true;
             light.normal = surface.ns;
@@ -425,6 +441,7 @@ impl Integrator {
 
         // Cross smooth refractive boundaries by the reciprocal rule.
         if let Boundary::Smooth { eta } = object.boundary {
+            let eta = eta / outer;
             let outcome = if std::mem::take(&mut path.whole) {
                 self.split(scene, path, hit, surface, eta, wavelengths, rng, light, counters)
             } else {
@@ -444,8 +461,11 @@ impl Integrator {
         }
 
         // Every other surface has a BSDF.
-        let bsdf =
+        let mut bsdf =
             scene.materials.resolve(object.material, &scene.textures, surface, &point, wavelengths, rng.uniform());
+        if let (Bsdf::Dielectric(d), true) = (&mut bsdf.bsdf, outer != 1.0) {
+            d.eta /= outer;
+        }
         if bsdf.bsdf.wavelength_dependent() {
             path.walker.beta *= Wavelengths::<N>::hero_only();
         }
@@ -570,13 +590,6 @@ impl<const N: usize> Path<N> {
         };
     }
 
-    /// Passes straight through a surface that only separates media.
-    fn pass(&mut self, scene: &Scene, object: &Object, hit: Hit, outward: bool, wavelengths: &Wavelengths<N>) {
-        let point = TexturePoint { p: self.walker.p, n: self.walker.d, uv: Default::default() };
-        let mut ignored = Counters::default();
-        self.change_medium(scene, object, hit, &point, outward, wavelengths, &mut ignored);
-    }
-
     /// Refracts into the other side: radiance scaling and medium.
     fn transmit(
         &mut self,
@@ -607,23 +620,29 @@ impl<const N: usize> Path<N> {
         counters: &mut Counters,
     ) {
         self.walker.room = 0.0;
-        if outward {
-            counters.left += u64::from(object.body.is_some());
-            self.leave(scene, object, hit.shape, wavelengths);
+        if object.body.is_some() {
+            counters.left += u64::from(outward);
+            counters.entered += u64::from(!outward);
+            self.cross_body(scene, hit.shape, outward, point, wavelengths);
         } else {
-            counters.entered += u64::from(object.body.is_some());
-            self.medium = scene.medium_inside(object, point, wavelengths, self.medium);
-            if object.body.is_some() {
-                self.inside.enter(hit.shape);
+            self.medium = scene.medium_beyond(object, outward, point, wavelengths, self.medium);
+            if self.inside.bodies().is_empty() {
+                self.ambient = self.medium;
             }
         }
         self.stand(object, hit, outward);
     }
 
-    /// Puts the walker into what lies outside an object.
-    fn leave(&mut self, scene: &Scene, object: &Object, shape: u32, wavelengths: &Wavelengths<N>) {
-        self.medium = scene.medium_outside(object, wavelengths, self.medium);
-        self.inside.leave(shape);
+    /// Puts the walker into or out of a body.
+    fn cross_body(
+        &mut self,
+        scene: &Scene,
+        shape: u32,
+        outward: bool,
+        point: &TexturePoint,
+        wavelengths: &Wavelengths<N>,
+    ) {
+        self.inside.cross(scene, shape, outward, point, wavelengths, &mut self.medium, &mut self.ambient);
     }
 }
 
@@ -657,7 +676,7 @@ impl Standing {
 
     /// Returns the primitive stood on, or `NONE`.
     #[inline]
-    pub(crate) fn prim(&self) -> u32 {
+    pub(crate) fn prim(&self) -> Prim {
         match self {
             Standing::Space => NONE,
             Standing::On(h) | Standing::Through(h) | Standing::Outside(h) | Standing::Inside(h) => h.prim,

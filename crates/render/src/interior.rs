@@ -3,10 +3,11 @@
 use std::cell::Cell;
 
 use moonmilk_core::{Random, Vec3};
-use moonmilk_geometry::{Clearance, Facing, Hit, Ray, Surface};
+use moonmilk_geometry::{Facing, Hit, Ray, Room, Surface};
 use moonmilk_walk::{Domain, Walker, domain::Wall};
 
 use crate::bsdf::{Crossing, cross};
+use crate::nest::{Meeting, Nest};
 use crate::scene::{Boundary, Scene, Side};
 use crate::through::{Escape, Start, Through};
 
@@ -35,53 +36,6 @@ impl Standing {
     }
 }
 
-/// Closed objects that a path is inside of, innermost last.
-///
-/// Holds the last [`Nest::DEPTH`] of them: in deeper nests the outermost are forgotten, which costs speed and guards, not
-/// correctness.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Nest {
-    items: [u32; Self::DEPTH],
-    n: u8,
-}
-
-impl Nest {
-    /// Number of objects remembered.
-    pub const DEPTH: usize = 6;
-
-    /// Returns the innermost object.
-    #[inline]
-    pub fn innermost(&self) -> Option<u32> {
-        (self.n > 0).then(|| self.items[self.n as usize - 1])
-    }
-
-    /// Returns whether the path is inside an object.
-    #[inline]
-    pub fn contains(&self, shape: u32) -> bool {
-        self.items[..self.n as usize].contains(&shape)
-    }
-
-    /// Goes into an object.
-    #[inline]
-    pub fn enter(&mut self, shape: u32) {
-        if self.n as usize == Self::DEPTH {
-            self.items.rotate_left(1);
-            self.n -= 1;
-        }
-        self.items[self.n as usize] = shape;
-        self.n += 1;
-    }
-
-    /// Goes out of an object, innermost or not; nothing happens if it was not known.
-    #[inline]
-    pub fn leave(&mut self, shape: u32) {
-        if let Some(at) = self.items[..self.n as usize].iter().rposition(|&s| s == shape) {
-            self.items.copy_within(at + 1..self.n as usize, at);
-            self.n -= 1;
-        }
-    }
-}
-
 /// How a walk left.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Exit {
@@ -99,7 +53,7 @@ pub(crate) struct Interior<'a> {
     /// The object beyond whose box a walk is lost: the closed one, or a translucent one with holes that the walk starts on.
     confines: Option<u32>,
     facing: Facing,
-    clearance: Option<&'a Clearance>,
+    room: Option<&'a Room>,
     /// Index of the smooth boundary that is crossed inside the walk; `None` if the integrator is to decide.
     smooth: Option<f32>,
     start: Standing,
@@ -110,16 +64,18 @@ pub(crate) struct Interior<'a> {
 }
 
 impl<'a> Interior<'a> {
-    /// Returns the surroundings of a walk that starts on `standing`. `count_all` hands every surface to the integrator.
-    pub fn new(
-        scene: &'a Scene,
-        object: Option<u32>,
-        count_all: bool,
-        start: Standing,
-        through: Option<Through<'a>>,
-    ) -> Self {
+    /// Returns the surroundings of a walk inside `nest` that starts on `standing`. `count_all` hands every surface to the integrator.
+    pub fn new(scene: &'a Scene, nest: &Nest, count_all: bool, start: Standing, through: Option<Through<'a>>) -> Self {
+        let object = nest.innermost();
         let o = object.map(|i| &scene.objects[i as usize]);
         let body = o.and_then(|o| o.body);
+        // Cross the object's own boundary in the walk unless it is none, between equal indices.
+        let smooth = object.zip(o).and_then(|(i, o)| match (o.boundary, nest.meet(o, i, true)) {
+            (Boundary::Smooth { eta }, Meeting::True(outer)) if !count_all => {
+                Some(eta / outer).filter(|&eta| eta != 1.0)
+            }
+            _ => None,
+        });
         Self {
             scene,
             object,
@@ -131,11 +87,8 @@ impl<'a> Interior<'a> {
                 })
             }),
             facing: body.map_or(Facing::Any, Facing::Exiting),
-            clearance: object.filter(|_| body.is_some()).map(|i| scene.clearance(i)),
-            smooth: match o.map(|o| o.boundary) {
-                Some(Boundary::Smooth { eta }) if !count_all => Some(eta),
-                _ => None,
-            },
+            room: object.filter(|_| body.is_some()).map(|i| scene.room(i)),
+            smooth,
             start,
             segments: Cell::new(0),
             through,
@@ -151,7 +104,7 @@ impl<'a> Interior<'a> {
     /// Returns a lower bound of the distance from p to any surface.
     #[inline]
     pub fn room_at(&self, p: Vec3) -> f32 {
-        self.clearance.map_or(0.0, |c| c.bound(p))
+        self.room.map_or(0.0, |r| r.bound(p))
     }
 
     /// Notes the collision where the next flight begins.
@@ -185,7 +138,7 @@ impl<const N: usize> Domain<N> for Interior<'_> {
 
     #[inline]
     fn room(&self, p: Vec3) -> f32 {
-        self.clearance.map_or(0.0, |c| c.bound(p))
+        self.room.map_or(0.0, |r| r.bound(p))
     }
 
     #[inline]

@@ -14,6 +14,7 @@ pub mod integrator;
 mod interior;
 pub mod lights;
 pub mod material;
+pub mod nest;
 pub mod scene;
 pub mod session;
 pub mod texture;

@@ -99,6 +99,15 @@ impl Materials {
         self.smooth_eta[id]
     }
 
+    /// Returns the index of a `dielectric` or `subsurface`, inside / outside, at 550 nm if it varies; 1 for all others.
+    pub fn index(&self, id: MaterialId) -> f32 {
+        let m = &self.list[id];
+        match (&m.kind, &m.index) {
+            (MaterialKind::Dielectric { .. } | MaterialKind::Subsurface { .. }, Some(i)) => i.spectrum.eval(550.0),
+            _ => 1.0,
+        }
+    }
+
     /// Returns whether the material perturbs shading normals.
     pub fn perturbs_normals(&self, id: MaterialId) -> bool {
         self.list[id].displacement.is_some() || self.list[id].normal_map.is_some()

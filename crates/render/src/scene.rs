@@ -1,21 +1,24 @@
 //! A scene ready to be traced.
 
-use std::sync::OnceLock;
+mod instances;
+mod objects;
+
+use std::sync::{Arc, OnceLock};
 
 use moonmilk_core::{Spectra, Spectrum, Vec3, Wavelengths};
-use moonmilk_geometry::{Accel, Body, Bounds, Clearance, Facing, Hit, Mesh, Quadric, QuadricKind, Ray, Shape, Surface};
+use moonmilk_geometry::{Accel, Body, Bounds, Facing, Hit, Ray, Room, Surface};
 use moonmilk_walk::Medium;
 use thiserror::Error;
 
 use crate::camera::Camera;
-use crate::description::{
-    FloatTextureId, GeometryDescription, MaterialKind, MediumId, MediumKind, Place, SceneDescription, ShapeDescription,
-    SpectrumDescription, Warning,
-};
+use crate::description::{FloatTextureId, MediumId, MediumKind, Place, SceneDescription, SpectrumDescription, Warning};
 use crate::filter::Filter;
 use crate::lights::{self, LightError, Lights};
 use crate::material::{MaterialError, Materials};
+use crate::nest::{Meeting, Nest};
 use crate::texture::{TexturePoint, Textures};
+use instances::Built;
+use objects::finish_objects;
 
 /// Cells of a body's grid of free room, one byte each.
 const CLEARANCE_CELLS: usize = 1 << 21;
@@ -70,6 +73,14 @@ pub enum SceneError {
         /// A boundary vertex, z.
         z: f32,
     },
+    /// An instance cannot stand where it should.
+    #[error("{place}: the transform of this instance of \"{name}\" is singular or not finite")]
+    Instance {
+        /// Where it was said.
+        place: Place,
+        /// Name of the object.
+        name: String,
+    },
     /// A medium is not usable.
     #[error("{place}: medium \"{name}\": {reason}")]
     Medium {
@@ -116,10 +127,10 @@ pub enum Side {
 }
 
 /// A shape with what the transport needs of it.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Object {
     /// Name for messages.
-    pub name: String,
+    pub name: Arc<str>,
     /// Where it was said.
     pub place: Place,
     /// Material.
@@ -138,7 +149,38 @@ pub struct Object {
     pub alpha: Option<FloatTextureId>,
     /// Whether light sampling inside can reach a light.
     pub connects: bool,
-    clearance: OnceLock<Clearance>,
+    /// Whether some rays of light may pass straight: interfaces, cut-outs, boundaries that overlap others.
+    pub passable: bool,
+    /// The material's priority among overlapping dielectrics, if it has one.
+    pub priority: Option<i32>,
+    /// Whether its index is against vacuum: a dielectric with a priority.
+    pub absolute: bool,
+    /// Place of a body in the order of all bodies: where several overlap, the highest is there ([`crate::nest`]).
+    pub rank: u32,
+    /// Whether its surface is none within a body of higher rank: dielectrics and interfaces.
+    pub yields: bool,
+    /// The material's index, at 550 nm if it varies; 1 for surfaces without one.
+    pub index: f32,
+    /// Whether light can be inside of it at all.
+    pub hollow: bool,
+    /// Volume of a body \[length³\].
+    pub volume: f64,
+    room: OnceLock<Room>,
+}
+
+impl Object {
+    /// Returns whether light goes straight through the surface where it meets it so.
+    #[inline]
+    pub(crate) fn is_open_to_light(&self, meeting: Meeting) -> bool {
+        match meeting {
+            Meeting::False => true,
+            Meeting::True(outer) => match self.boundary {
+                Boundary::Interface => true,
+                Boundary::Smooth { eta } => eta / outer == 1.0,
+                Boundary::Scattering => false,
+            },
+        }
+    }
 }
 
 /// A medium of the scene, before wavelengths are chosen.
@@ -155,7 +197,7 @@ struct SceneMedium {
 pub struct Scene {
     /// All surfaces.
     pub accel: Accel,
-    /// One per shape of `accel`.
+    /// One per shape of `accel`, those of instances included.
     pub objects: Vec<Object>,
     /// Textures.
     pub textures: Textures,
@@ -169,8 +211,10 @@ pub struct Scene {
     pub filter: Filter,
     /// Medium around the camera.
     pub camera_medium: Option<MediumId>,
-    /// Whether some surface lets shadow rays through (index-matched boundaries, cut-outs).
-    pub has_passages: bool,
+    /// Box around all bodies that light can be inside of: beyond it a point is in none.
+    bodies: Bounds,
+    /// The middle of the camera, the radius of a ball around it that no surface reaches into, and the bodies that this ball is in.
+    eye: (Vec3, f32, Nest),
     /// The file's limit of bounces.
     pub max_depth: u32,
     media: Vec<SceneMedium>,
@@ -185,29 +229,21 @@ impl Scene {
         let textures = Textures::new(d)?;
         let materials = Materials::new(d, &textures)?;
         let media = d.media.iter().map(|m| scene_medium(&m.kind, &m.place, &m.name)).collect::<Result<Vec<_>, _>>()?;
-        let mut shapes = Vec::with_capacity(d.shapes.len());
-        let mut objects = Vec::with_capacity(d.shapes.len());
-        let mut emitters = Vec::new();
-        for (i, s) in d.shapes.iter().enumerate() {
-            let shape = build_shape(s, &mut warnings)?;
-            let (shape, object) = build_object(d, s, shape, &materials, options, &mut warnings)?;
-            if s.area_light.is_some() {
-                emitters.push((i, emitting_surfaces(s, &shape)?));
-            }
-            shapes.push(shape);
-            objects.push(object);
-        }
+        let Built { shapes, mut objects, emitters, groups, places } =
+            instances::build(d, &materials, options, &mut warnings)?;
         let lights = Lights::new(d, emitters)?;
         if lights.is_empty()
             && !d.media.iter().any(|m| matches!(&m.kind, MediumKind::Homogeneous { emission: Some(_), .. }))
         {
             warnings.push(Warning { place: None, message: "the scene has no light: the picture will be black".into() });
         }
-        let accel = Accel::build(shapes);
+        let accel = instances::accelerate(d, shapes, groups, &places)?;
         let points: Vec<Vec3> = d.lights.iter().filter_map(lights::position).collect();
         finish_objects(&mut objects, &accel, d, &points);
-        let has_passages = objects.iter().any(|o| o.boundary == Boundary::Interface || o.alpha.is_some());
-        let scene = Self {
+        let bodies = (0..objects.len())
+            .filter(|&i| objects[i].hollow && objects[i].body.is_some())
+            .fold(Bounds::EMPTY, |all, i| all.union(accel.shape_bounds(i as u32)));
+        let mut scene = Self {
             accel,
             objects,
             textures,
@@ -216,10 +252,13 @@ impl Scene {
             camera: Camera::new(&d.camera, &d.film),
             filter: Filter::new(&d.filter),
             camera_medium: d.camera.medium,
-            has_passages,
+            bodies,
+            eye: (Vec3::NAN, 0.0, Nest::default()),
             max_depth: d.integrator.max_depth,
             media,
         };
+        let eye = scene.camera.origin();
+        scene.eye = (eye, scene.free_radius(eye), scene.nest_at(eye));
         Ok((scene, warnings))
     }
 
@@ -253,6 +292,84 @@ impl Scene {
         }
     }
 
+    /// Returns the medium on one side of a surface that bounds no body.
+    pub(crate) fn medium_beyond<const N: usize>(
+        &self,
+        object: &Object,
+        outward: bool,
+        point: &TexturePoint,
+        w: &Wavelengths<N>,
+        current: Option<Medium<N>>,
+    ) -> Option<Medium<N>> {
+        if outward { self.medium_outside(object, w, current) } else { self.medium_inside(object, point, w, current) }
+    }
+
+    /// Returns a radius within which there is no surface around a point; 0 where distances are not exact (cut or squashed quadrics).
+    fn free_radius(&self, p: Vec3) -> f32 {
+        let world = self.accel.world_count();
+        let exact = |s: u32| self.accel.shape(s).quadric().is_none_or(|q| s < world && q.as_ball().is_some());
+        if !(0..self.accel.shape_count() as u32).all(exact) {
+            return 0.0;
+        }
+        // A part in 1e4 is far more than the rounding of the distance.
+        self.accel.closest_point(p).map_or(f32::INFINITY, |c| c.distance * 0.9999)
+    }
+
+    /// Returns the bodies that a point is inside of, by the crossings of their surfaces on the way out.
+    ///
+    /// *Accuracy*: exact except within rounding of a surface, where either answer is right; a line through an edge or a vertex
+    /// counts it more than once, so two of three lines decide.
+    pub fn nest_at(&self, p: Vec3) -> Nest {
+        let (eye, radius, there) = &self.eye;
+        if p == *eye || p.distance(*eye) < *radius {
+            return there.clone();
+        }
+        let mut nest = Nest::default();
+        if !self.bodies.contains(p) {
+            return nest;
+        }
+        // Directions along which no mesh is likely to be laid out.
+        const LINES: [Vec3; 3] = [
+            Vec3::new(0.5377, 0.3183, 0.7808),
+            Vec3::new(-0.8217, 0.2706, -0.5016),
+            Vec3::new(0.1414, -0.9511, 0.2747),
+        ];
+        let mut counts: Vec<(u32, [i32; 3])> = Vec::new();
+        for (line, d) in LINES.into_iter().enumerate() {
+            self.accel.all_hits(&Ray::new(p, d.normalize()), |h| {
+                let o = &self.objects[h.shape as usize];
+                if o.body.is_none() || !o.hollow {
+                    return;
+                }
+                let i = counts.iter().position(|c| c.0 == h.shape).unwrap_or_else(|| {
+                    counts.push((h.shape, [0; 3]));
+                    counts.len() - 1
+                });
+                counts[i].1[line] += if h.exiting { 1 } else { -1 };
+            });
+        }
+        // Enter the lowest first, so that indices are relative to what is around.
+        counts.retain(|c| c.1.iter().filter(|&&n| n > 0).count() >= 2);
+        counts.sort_by_key(|c| self.objects[c.0 as usize].rank);
+        for (shape, _) in counts {
+            let o = &self.objects[shape as usize];
+            let point = o.body.and_then(|b| self.accel.closest_point_on(b, p)).map_or(
+                TexturePoint { p, n: Vec3::Z, uv: Default::default() },
+                |c| {
+                    let (shape, index) = self.accel.locate(c.prim);
+                    let s = self.accel.triangle_surface(shape, index, c.b);
+                    TexturePoint {
+                        p: c.p,
+                        n: s.map_or(Vec3::Z, |s| s.ns),
+                        uv: s.map_or_else(Default::default, |s| s.uv),
+                    }
+                },
+            );
+            nest.step_into(o, shape, point);
+        }
+        nest
+    }
+
     /// Returns the medium outside an object.
     pub(crate) fn medium_outside<const N: usize>(
         &self,
@@ -264,21 +381,13 @@ impl Scene {
     }
 
     /// Returns the bounds of free room inside a closed object, built at first use.
-    pub(crate) fn clearance(&self, object: u32) -> &Clearance {
-        self.objects[object as usize].clearance.get_or_init(|| {
-            // All surfaces that may lie inside count, not the object's own alone.
-            let bounds = self.accel.shape_bounds(object);
-            let inside = |s: &u32| overlap(&self.accel.shape_bounds(*s), &bounds);
-            let shapes: Vec<&Shape> =
-                (0..self.objects.len() as u32).filter(inside).map(|s| &self.accel.shapes()[s as usize]).collect();
-            Clearance::build(&shapes, bounds, CLEARANCE_CELLS)
-        })
+    pub(crate) fn room(&self, object: u32) -> &Room {
+        self.objects[object as usize].room.get_or_init(|| self.accel.room(object, CLEARANCE_CELLS))
     }
 
     /// Returns the bytes held by geometry and, where built, clearance.
     pub fn memory(&self) -> usize {
-        self.accel.memory()
-            + self.objects.iter().filter_map(|o| o.clearance.get()).map(Clearance::memory).sum::<usize>()
+        self.accel.memory() + self.objects.iter().filter_map(|o| o.room.get()).map(Room::memory).sum::<usize>()
     }
 
     /// Returns the surface of an object nearest to a point that rounding put outside it.
@@ -351,189 +460,4 @@ fn scene_medium(kind: &MediumKind, place: &Place, name: &str) -> Result<SceneMed
         g: *g,
         emission,
     })
-}
-
-/// Makes the geometry of a shape in world space.
-fn build_shape(s: &ShapeDescription, warnings: &mut Vec<Warning>) -> Result<Shape, SceneError> {
-    let fail = |reason: String| SceneError::Shape { place: s.place.clone(), name: s.name.clone(), reason };
-    let m = &s.object_to_world;
-    let flat = || fail("its transform is singular or not finite, or its size is not positive".into());
-    let degrees = |x: f32| f64::from(x).to_radians();
-    let mut shape = match &*s.geometry {
-        GeometryDescription::Mesh { positions, normals, uvs, indices } => {
-            let mesh = Mesh::new(positions.clone(), normals.clone(), uvs.clone(), indices.clone())
-                .map_err(|e| fail(e.to_string()))?;
-            if mesh.dropped() > 0 {
-                let message = format!("{}: {} triangles without area are left out", s.name, mesh.dropped());
-                warnings.push(Warning { place: Some(s.place.clone()), message });
-            }
-            Shape::from(mesh.transformed(m).map_err(|e| fail(e.to_string()))?)
-        }
-        GeometryDescription::Sphere { radius, z_min, z_max, phi_max } => {
-            let kind = QuadricKind::Sphere {
-                radius: f64::from(*radius),
-                z_min: f64::from(*z_min),
-                z_max: f64::from(*z_max),
-                phi_max: degrees(*phi_max),
-            };
-            Shape::from(Quadric::new(kind, m).ok_or_else(flat)?)
-        }
-        GeometryDescription::Disk { height, radius, inner_radius, phi_max } => {
-            let kind = QuadricKind::Disk {
-                height: f64::from(*height),
-                radius: f64::from(*radius),
-                inner_radius: f64::from(*inner_radius),
-                phi_max: degrees(*phi_max),
-            };
-            Shape::from(Quadric::new(kind, m).ok_or_else(flat)?)
-        }
-        GeometryDescription::Cylinder { radius, z_min, z_max, phi_max } => {
-            let kind = QuadricKind::Cylinder {
-                radius: f64::from(*radius),
-                z_min: f64::from(*z_min),
-                z_max: f64::from(*z_max),
-                phi_max: degrees(*phi_max),
-            };
-            Shape::from(Quadric::new(kind, m).ok_or_else(flat)?)
-        }
-    };
-    // pbrt flips normals for either reason, not for both.
-    if s.reverse_orientation != (m.determinant() < 0.0) {
-        shape = shape.reversed();
-    }
-    Ok(shape)
-}
-
-/// Decides what a shape bounds.
-fn build_object(
-    d: &SceneDescription,
-    s: &ShapeDescription,
-    mut shape: Shape,
-    materials: &Materials,
-    options: &SceneOptions,
-    warnings: &mut Vec<Warning>,
-) -> Result<(Shape, Object), SceneError> {
-    let kind = &d.materials[s.material].kind;
-    let boundary = match kind {
-        MaterialKind::Interface => Boundary::Interface,
-        MaterialKind::Dielectric { .. } | MaterialKind::Subsurface { .. } => match materials.smooth_eta(s.material) {
-            Some(1.0) => Boundary::Interface,
-            Some(eta) => Boundary::Smooth { eta },
-            None => Boundary::Scattering,
-        },
-        _ => Boundary::Scattering,
-    };
-    let side = |m: Option<MediumId>| m.map_or(Side::Vacuum, Side::Medium);
-    let (mut inside, outside) = s.media.map_or((Side::Same, Side::Same), |i| (side(i.inside), side(i.outside)));
-    let translucent = matches!(kind, MaterialKind::Subsurface { .. });
-    let mut outside = outside;
-    if translucent {
-        inside = Side::Own;
-        if outside == Side::Same {
-            outside = Side::Vacuum;
-        }
-    }
-    let mut closed = shape.is_closed();
-    let bounds_medium = translucent || matches!((inside, outside), (Side::Medium(_), _));
-    if bounds_medium
-        && !closed
-        && let Some(mesh) = shape.mesh()
-    {
-        let topology = mesh.topology();
-        match options.open {
-            OpenPolicy::Cap => {
-                let capped = mesh.capped();
-                let message =
-                    format!("{}: holes with {} boundary edges are closed with flat caps", s.name, topology.boundary);
-                warnings.push(Warning { place: Some(s.place.clone()), message });
-                shape = Shape { form: moonmilk_geometry::Form::Mesh(capped), reverse: shape.reverse };
-                closed = shape.is_closed();
-            }
-            OpenPolicy::Refuse if translucent => {
-                let p = topology.boundary_edges.first().map_or(Vec3::ZERO, |e| e[0]);
-                return Err(SceneError::Open {
-                    place: s.place.clone(),
-                    name: s.name.clone(),
-                    edges: topology.boundary,
-                    x: p.x,
-                    y: p.y,
-                    z: p.z,
-                });
-            }
-            _ => {
-                let message = format!(
-                    "{} is open ({} boundary edges) and bounds a medium: paths that find no wall are counted as lost",
-                    s.name, topology.boundary
-                );
-                warnings.push(Warning { place: Some(s.place.clone()), message });
-            }
-        }
-    }
-    if translucent && closed && shape.volume() < 0.0 {
-        // pbrt decides inside and outside by the normal; a translucent object turned inside out is a mistake of the file.
-        let message = format!("{}: its normals point inwards; the object is turned right side out", s.name);
-        warnings.push(Warning { place: Some(s.place.clone()), message });
-        shape = shape.reversed();
-    }
-    let object = Object {
-        name: s.name.clone(),
-        place: s.place.clone(),
-        material: s.material,
-        boundary,
-        inside,
-        outside,
-        // Marked here, filled in once primitives have numbers. A closed surface whose normals point inwards encloses nothing.
-        body: (closed && shape.volume() > 0.0).then_some(Body { first: 0, end: 0, slack: 0.0 }),
-        reach: shape.bounds(),
-        alpha: s.alpha,
-        connects: true,
-        clearance: OnceLock::new(),
-    };
-    Ok((shape, object))
-}
-
-/// Completes what depends on the whole scene.
-fn finish_objects(objects: &mut [Object], accel: &Accel, d: &SceneDescription, points: &[Vec3]) {
-    let emitters: Vec<Bounds> = d
-        .shapes
-        .iter()
-        .enumerate()
-        .filter(|(_, s)| s.area_light.is_some())
-        .map(|(i, _)| accel.shape_bounds(i as u32))
-        .collect();
-    for (i, o) in objects.iter_mut().enumerate() {
-        let bounds = accel.shape_bounds(i as u32);
-        if o.body.is_some() {
-            o.body = Some(accel.body(i as u32..i as u32 + 1));
-            o.reach = bounds.grown(1e-4 * bounds.extent().max_element());
-        }
-        // Behind a refractive boundary a straight connection reaches only lights that are inside too.
-        o.connects = o.boundary == Boundary::Interface
-            || o.body.is_none()
-            || points.iter().any(|&p| bounds.contains(p))
-            || emitters.iter().any(|e| overlap(e, &bounds));
-    }
-}
-
-/// Returns whether two boxes share a point.
-fn overlap(a: &Bounds, b: &Bounds) -> bool {
-    a.min.cmple(b.max).all() && b.min.cmple(a.max).all()
-}
-
-/// Returns the emitting surfaces of a shape in the order of its primitives.
-fn emitting_surfaces(s: &ShapeDescription, shape: &Shape) -> Result<Vec<lights::Surface>, SceneError> {
-    let Some(mesh) = shape.mesh() else {
-        return Ok(lights::surfaces_of(s)?);
-    };
-    let corners = |i: u32| {
-        let p = mesh.corners(i);
-        let n = (p[1] - p[0]).cross(p[2] - p[0]).normalize();
-        let t = mesh.indices()[i as usize];
-        let uv = match mesh.uvs() {
-            [] => lights::DEFAULT_UVS,
-            uvs => t.map(|v| uvs[v as usize]),
-        };
-        lights::Surface::Triangle { p, uv, front: if shape.reverse { -n } else { n } }
-    };
-    Ok((0..mesh.indices().len() as u32).map(corners).collect())
 }

@@ -25,13 +25,14 @@
 //! Only lights with a surface take part: nothing connects to a point through a curved mirror of directions.
 
 use moonmilk_core::{Random, Sampler, Spectrum, Stream, Vec3, Wavelengths};
-use moonmilk_geometry::{Facing, Hit, Ray};
+use moonmilk_geometry::{Facing, Hit, Prim, Ray};
 use moonmilk_walk::{Medium, Walker};
 
 use crate::bsdf::Crossing;
 use crate::bsdf::boundary::branches;
 use crate::integrator::{Counters, Light};
 use crate::interior::Standing;
+use crate::nest::{Inside, Nest};
 use crate::scene::{Boundary, Scene};
 
 /// Longest flight that connections compete for [mean free paths of the hero]; longer ones carry exp(-8) and are left to chance.
@@ -53,7 +54,7 @@ pub(crate) struct Frame {
     x: Vec3,
     /// Outward unit normal.
     n: Vec3,
-    prim: u32,
+    prim: Prim,
     eta: f32,
 }
 
@@ -147,19 +148,20 @@ pub(crate) struct Through<'a> {
 }
 
 impl<'a> Through<'a> {
-    /// Returns the connections of an object, or `None` where they cannot work: no smooth boundary, no lights with a surface, lights
-    /// inside (sampled there), a medium outside.
+    /// Returns the connections of the one body that a path is in, or `None` where they cannot work: no or several bodies, no smooth
+    /// boundary, no lights with a surface, lights inside (sampled there), a medium outside.
     pub fn new<const N: usize>(
         scene: &'a Scene,
-        object: Option<u32>,
+        nest: &Nest,
         medium: &Medium<N>,
+        ambient: Option<&Medium<N>>,
         wavelengths: &Wavelengths<N>,
     ) -> Option<Self> {
-        let index = object?;
+        let [Inside { shape: index, .. }] = *nest.bodies() else { return None };
         let o = &scene.objects[index as usize];
         let Boundary::Smooth { eta } = o.boundary else { return None };
         let possible = o.body.is_some() && !o.connects && scene.lights.has_surfaces() && medium.sigma_t[0] > 0.0;
-        if !possible || scene.medium_outside(o, wavelengths, None).is_some() {
+        if !possible || scene.medium_outside(o, wavelengths, ambient.copied()).is_some() {
             return None;
         }
         Some(Self { scene, object: index, eta, sigma_t: medium.sigma_t[0] })

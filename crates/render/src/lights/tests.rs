@@ -48,6 +48,8 @@ fn empty() -> SceneDescription {
         spectrum_textures: vec![],
         images: vec![],
         shapes: vec![],
+        objects: vec![],
+        instances: vec![],
         lights: vec![],
     }
 }

@@ -38,6 +38,8 @@ pub(crate) fn empty_scene() -> SceneDescription {
         spectrum_textures: vec![],
         images: vec![],
         shapes: vec![],
+        objects: vec![],
+        instances: vec![],
         lights: vec![],
     }
 }

@@ -99,6 +99,8 @@ impl World {
             spectrum_textures: vec![],
             images: vec![],
             shapes: vec![],
+            objects: vec![],
+            instances: vec![],
             lights: vec![],
         })
     }
@@ -187,6 +189,21 @@ impl World {
         let shape = self.surface(geometry, material);
         self.0.shapes[shape].media = Some(MediumInterface { inside, outside });
         shape
+    }
+
+    /// Turns the shapes from number `first` on into an object, and puts it where `places` say.
+    pub fn instances(&mut self, first: usize, places: &[Mat4]) {
+        let shapes = self.0.shapes.split_off(first);
+        self.0.objects.push(ObjectDescription { name: "object".into(), shapes });
+        let object = self.0.objects.len() - 1;
+        let instance = |&object_to_world: &Mat4| InstanceDescription { place: place(), object, object_to_world };
+        self.0.instances.extend(places.iter().map(instance));
+    }
+
+    /// Gives a material a priority among overlapping bodies.
+    pub fn with_priority(&mut self, material: MaterialId, priority: i32) -> MaterialId {
+        self.0.materials[material].priority = Some(priority);
+        material
     }
 
     /// Adds a black surface that emits on the side of its normal; returns its number.

@@ -10,10 +10,10 @@ use crate::bodies::{Body, shells};
 use crate::common::{KEEP_ALL, Tracer, assert_exact, measure, samples, uniform_ray};
 
 /// Single-precision rounding of the weights along a path; without it the radiance is 1.
-const ROUNDING: f64 = 1e-5;
+pub const ROUNDING: f64 = 1e-5;
 
 /// Asserts that every single path finds radiance 1, roulette apart.
-fn assert_white(what: &str, mut tracer: Tracer, reach: f32, n: u64) {
+pub fn assert_white(what: &str, mut tracer: Tracer, reach: f32, n: u64) {
     tracer.integrator.roulette = KEEP_ALL;
     let [off] = measure(n, |i| {
         let (o, d) = uniform_ray(21, i, reach);

@@ -15,10 +15,10 @@ use crate::bodies::{Body, SHELLS, shells};
 use crate::common::{Tracer, World, assert_exact, ball, glow, measure, samples, uniform_ray};
 
 /// Share of absorption that emission needs and that f32 does not notice.
-const UNNOTICED: f32 = 1.0 / 1_073_741_824.0;
+pub const UNNOTICED: f32 = 1.0 / 1_073_741_824.0;
 
 /// Compares the mean length of paths per ray, over squared index, with `volume`.
-fn assert_length(what: &str, tracer: &Tracer, reach: f32, volume: f64, n: u64) {
+pub fn assert_length(what: &str, tracer: &Tracer, reach: f32, volume: f64, n: u64) {
     let [length] = measure(n, |i| {
         let (o, d) = uniform_ray(31, i, reach);
         [tracer.radiance(i, o, d)]

@@ -1,11 +1,11 @@
-//! The end of the files: names are looked up, objects copied to their instances, the description made.
+//! The end of the files: names are looked up, and the description is made.
 
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
 use moonmilk_render::description::{
-    LightDescription, MaterialDescription, MaterialId, MaterialKind, MediumId, MediumInterface, SceneDescription,
-    ShapeDescription,
+    InstanceDescription, LightDescription, MaterialDescription, MaterialId, MaterialKind, MediumId, MediumInterface,
+    ObjectDescription, SceneDescription, ShapeDescription,
 };
 
 use super::super::camera;
@@ -88,7 +88,7 @@ impl Builder {
             }
             shapes.push(self.resolve(cx, &pending, &mut known));
         }
-        self.expand(cx, &mut shapes, &mut known);
+        let (objects, instances) = self.place(cx, shapes.len(), &mut known);
         SceneDescription {
             camera,
             film,
@@ -101,24 +101,32 @@ impl Builder {
             spectrum_textures: self.textures.spectra,
             images: self.textures.images.list,
             shapes,
+            objects,
+            instances,
             lights,
         }
     }
 
-    /// Copies the shapes of objects to where their instances stand.
-    fn expand(&mut self, cx: &mut Context, out: &mut Vec<ShapeDescription>, known: &mut Known) {
+    /// Makes the objects that have instances, and the instances; `count` shapes stand in the world already.
+    fn place(
+        &mut self,
+        cx: &mut Context,
+        mut count: usize,
+        known: &mut Known,
+    ) -> (Vec<ObjectDescription>, Vec<InstanceDescription>) {
         if let Some((name, shapes)) = self.object.take() {
             self.objects.insert(name, shapes);
         }
-        let objects = std::mem::take(&mut self.objects);
-        let mut resolved: HashMap<String, Vec<ShapeDescription>> = HashMap::new();
+        let pending = std::mem::take(&mut self.objects);
+        let mut numbers: HashMap<String, usize> = HashMap::new();
+        let (mut objects, mut instances) = (Vec::<ObjectDescription>::new(), Vec::new());
         for (name, spot, placement) in std::mem::take(&mut self.instances) {
             if cx.hopeless() {
-                return;
+                break;
             }
-            let Some(shapes) = objects.get(&name) else {
+            let Some(shapes) = pending.get(&name) else {
                 if !cx.include_missing {
-                    let mut defined: Vec<&str> = objects.keys().map(String::as_str).collect();
+                    let mut defined: Vec<&str> = pending.keys().map(String::as_str).collect();
                     defined.sort_unstable();
                     defined.truncate(20);
                     cx.error_help(
@@ -129,13 +137,10 @@ impl Builder {
                 }
                 continue;
             };
-            if !resolved.contains_key(&name) {
-                let list = shapes.iter().map(|p| self.resolve(cx, p, known)).collect();
-                resolved.insert(name.clone(), list);
-            }
-            if self.too_many || out.len() + shapes.len() > cx.options.max_shapes {
+            count += shapes.len();
+            if self.too_many || count > cx.options.max_shapes {
                 let message = format!(
-                    "the scene has more than {} shapes once its objects are copied to their instances",
+                    "the scene has more than {} shapes, counted once for each instance of their objects",
                     cx.options.max_shapes
                 );
                 if cx.options.syntax_only {
@@ -143,18 +148,24 @@ impl Builder {
                 } else {
                     cx.error(spot, message);
                 }
-                return;
+                break;
             }
             if shapes.iter().any(|s| !(placement * s.object_to_world).as_mat4().is_finite()) {
                 cx.error(spot, "the transform of this instance has values that are not finite");
                 continue;
             }
-            let list = resolved.get(&name).map(Vec::as_slice).unwrap_or_default();
-            out.extend(list.iter().zip(shapes).map(|(shape, pending)| ShapeDescription {
-                object_to_world: (placement * pending.object_to_world).as_mat4(),
-                ..shape.clone()
-            }));
+            let object = match numbers.get(&name) {
+                Some(&object) => object,
+                None => {
+                    let list = shapes.iter().map(|p| self.resolve(cx, p, known)).collect();
+                    objects.push(ObjectDescription { name: name.clone(), shapes: list });
+                    numbers.insert(name, objects.len() - 1);
+                    objects.len() - 1
+                }
+            };
+            instances.push(InstanceDescription { place: cx.place(spot), object, object_to_world: placement.as_mat4() });
         }
+        (objects, instances)
     }
 
     fn resolve(&mut self, cx: &mut Context, pending: &Pending, known: &mut Known) -> ShapeDescription {

@@ -59,14 +59,20 @@ fn moving_objects_stay_where_they_start_and_the_user_is_told() {
 }
 
 #[test]
-fn objects_are_copied_to_their_instances_and_share_geometry() {
+fn objects_stand_once_in_the_description_and_instances_say_where() {
     let scene = world(
-        "ObjectBegin \"o\" Translate 0 1 0 Shape \"sphere\" Shape \"disk\" ObjectEnd\nTranslate 5 0 0 ObjectInstance \"o\" Translate 5 0 0 ObjectInstance \"o\"",
+        "ObjectBegin \"o\" Translate 0 1 0 Shape \"sphere\" Shape \"disk\" ObjectEnd\nObjectBegin \"unused\" Shape \"disk\" ObjectEnd\nTranslate 5 0 0 ObjectInstance \"o\" Translate 5 0 0 ObjectInstance \"o\"",
     )
     .scene;
-    assert_eq!(scene.shapes.len(), 4);
-    assert!(close(scene.shapes[2].object_to_world, Mat4::from_translation(Vec3::new(10.0, 1.0, 0.0))));
-    assert!(std::sync::Arc::ptr_eq(&scene.shapes[0].geometry, &scene.shapes[2].geometry));
+    assert!(scene.shapes.is_empty());
+    let [object] = scene.objects.as_slice() else { panic!("one object has instances: {:?}", scene.objects) };
+    assert_eq!((object.name.as_str(), object.shapes.len()), ("o", 2));
+    assert!(close(object.shapes[1].object_to_world, Mat4::from_translation(Vec3::Y)));
+    let places: Vec<_> = scene.instances.iter().map(|i| (i.object, i.object_to_world)).collect();
+    assert_eq!(places.len(), 2);
+    assert!(places.iter().all(|p| p.0 == 0));
+    assert!(close(places[0].1, Mat4::from_translation(Vec3::X * 5.0)));
+    assert!(close(places[1].1, Mat4::from_translation(Vec3::X * 10.0)));
 }
 
 #[test]
