@@ -10,6 +10,7 @@
 //! | a mean with its error | [`Estimate`], never a bare number |
 //! | does it agree? | [`stats`]: chi-square, Kolmogorov-Smirnov, z, Sidak's correction |
 //! | integrals | [`quadrature`] |
+//! | one formula for values and for derivatives | [`Real`], [`Dual`] |
 //!
 //! Two conventions reach into all other crates. Radiance is carried *relative to D65*, so that white is 1 in every lane ([`color`]).
 //! A random number is a *pure function* of seed, pixel, sample and dimension, so that neither threads nor
@@ -32,6 +33,7 @@ pub mod frame;
 pub mod named;
 pub mod quadrature;
 pub mod random;
+pub mod real;
 pub mod spectra;
 pub mod spectrum;
 pub mod stats;
@@ -42,6 +44,7 @@ pub use estimate::Estimate;
 pub use frame::Frame;
 pub use glam::{self, DVec3, Mat4, Vec2, Vec3, Vec3A};
 pub use random::{Random, Sampler, Stream};
+pub use real::{Dual, Real};
 pub use spectra::{Spectra, SpectraError};
 pub use spectrum::Spectrum;
 pub use wavelengths::{WavelengthMode, Wavelengths};
