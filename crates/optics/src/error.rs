@@ -22,6 +22,32 @@ pub enum ErrorKind {
         /// The range allowed, in interval notation.
         range: &'static str,
     },
+    /// No model has this name.
+    #[error("unknown model \"{name}\"; did you mean \"{nearest}\"?")]
+    Model {
+        /// The name asked for.
+        name: String,
+        /// The known name that is nearest to it.
+        nearest: &'static str,
+    },
+    /// Legendre moments that no positive phase function has.
+    #[error(
+        "no positive phase function has the Legendre moments {moments}; a larger sigma_s* / sigma_s or a lower order would be accepted"
+    )]
+    Moments {
+        /// The moments asked for.
+        moments: String,
+    },
+    /// The nodes of a table do not fit.
+    #[error(
+        "a table of {nodes} cosines and {values} values; equal numbers of at least 2 are accepted, cosines that increase from -1 to 1"
+    )]
+    Nodes {
+        /// Number of cosines.
+        nodes: usize,
+        /// Number of values.
+        values: usize,
+    },
     /// No material has this name.
     #[error("unknown material \"{name}\"; did you mean \"{nearest}\"?")]
     Material {

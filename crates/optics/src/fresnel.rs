@@ -3,6 +3,8 @@
 //! Arguments are named by physics: `n_transmitted_over_incident` is the index beyond the boundary over the one on the side that
 //! the light comes from. With `eta` = inside / outside it is `eta` for light that enters and `1 / eta` for light that leaves.
 
+pub mod fits;
+
 use moonmilk_core::quadrature::Rule;
 use moonmilk_core::{Spectrum, Vec3};
 

@@ -9,14 +9,16 @@
 //! scattering; the sum over internal reflections is a Neumann series on Gauss nodes, split at the critical angle.
 //!
 //! Albedos are those of the light that *entered*: multiply by 1 - F and add F for the total reflectance. *Accuracy*: 1e-6 against the
-//! reference table (tests), for eta in \[1, 3\]. *Source*: \[Chandrasekhar1960\]; H after Stibbs & Weir (1959).
+//! reference table (tests), for eta in \[1/3, 3\]. *Source*: \[Chandrasekhar1960\]; H after Stibbs & Weir (1959).
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
+use moonmilk_core::Real;
 use moonmilk_core::quadrature::Rule;
 
 use crate::error::{Error, within};
 use crate::fresnel::reflectance_f64;
+use crate::properties::OpticalProperties;
 
 /// Chandrasekhar's H function of isotropic scattering with single-scattering albedo alpha.
 #[derive(Clone, Debug)]
@@ -93,6 +95,31 @@ fn one_minus_t_cot_t(t: f64) -> f64 {
     }
 }
 
+/// Returns the exact albedo of entered light of a medium, by similarity of first order if g is not 0, with its derivatives if T carries them.
+///
+/// *Accuracy*: 1e-7 of the value at g = 0; derivatives are differences of it, good to 1e-5. Similarity is off by 1 % of the albedo above .5, 5 % at
+/// .3 and 30 % at .1 for g = .8 and light along the normal; by .5 % at most for diffuse light. *Errors*: eta outside \[1/3, 3\].
+pub fn exact_albedo<T: Real>(medium: &OpticalProperties<T>, light: Illumination) -> Result<T, Error> {
+    // The albedo is smooth in s = sqrt(1 - alpha'), not in alpha'.
+    let s = (medium.sigma_a() / medium.sigma_t_prime()).sqrt();
+    let (s0, eta0) = (s.value(), medium.eta().value());
+    let at =
+        |s: f64, eta: f64, n| Ok::<f64, Error>(HalfSpace::with_nodes((1.0 - s) * (1.0 + s), eta, n)?.albedo(light));
+    let value = at(s0, eta0, HalfSpace::NODES)?;
+    if !T::CARRIES_DERIVATIVES {
+        return Ok(T::from_f64(value));
+    }
+    // Differences within the domain; fewer nodes do, their error is smooth.
+    let n = HalfSpace::NODES / 2;
+    let (s_low, s_high) = ((s0 - 2e-4).max(0.0), (s0 + 2e-4).min(1.0));
+    let by_s = (at(s_high, eta0, n)? - at(s_low, eta0, n)?) / (s_high - s_low);
+    // Stay on one side of the matched boundary, where the albedo has a kink.
+    let (first, last) = if eta0 < 1.0 { (ETA_RANGE.0, 1.0) } else { (1.0, ETA_RANGE.1) };
+    let (eta_low, eta_high) = ((eta0 - 2e-4).max(first), (eta0 + 2e-4).min(last));
+    let by_eta = (at(s0, eta_high, n)? - at(s0, eta_low, n)?) / (eta_high - eta_low);
+    Ok(s.lift(value, by_s) + medium.eta().lift(0.0, by_eta))
+}
+
 /// How the light that enters is distributed inside the medium.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Illumination {
@@ -105,6 +132,9 @@ pub enum Illumination {
     /// Lambertian outside, then refracted.
     DiffuseOutside,
 }
+
+/// Least and largest relative index of [`HalfSpace`].
+pub const ETA_RANGE: (f64, f64) = (1.0 / 3.0, 3.0);
 
 /// A half-space of isotropic scatterers behind a smooth boundary of relative index eta.
 #[derive(Clone, Debug)]
@@ -128,7 +158,7 @@ impl HalfSpace {
 
     /// Returns the half-space of single-scattering albedo `alpha` (reduced, if similarity is used) and index `eta` = inside / outside.
     ///
-    /// *Errors*: alpha outside \[0, 1\], eta outside \[1, 3\].
+    /// *Errors*: alpha outside \[0, 1\], eta outside \[1/3, 3\].
     pub fn new(alpha: f64, eta: f64) -> Result<Self, Error> {
         Self::with_nodes(alpha, eta, Self::NODES)
     }
@@ -137,9 +167,10 @@ impl HalfSpace {
     ///
     /// *Errors*: as [`HalfSpace::new`].
     pub fn with_nodes(alpha: f64, eta: f64, n: usize) -> Result<Self, Error> {
-        within("eta", eta as f32, (1.0..=3.0).contains(&eta), "[1, 3]")?;
+        within("eta", eta as f32, (ETA_RANGE.0..=ETA_RANGE.1).contains(&eta), "[1/3, 3]")?;
         let h = HFunction::new(alpha)?;
-        let critical2 = (1.0 - 1.0 / eta) * (1.0 + 1.0 / eta);
+        let critical2 = ((1.0 - 1.0 / eta) * (1.0 + 1.0 / eta)).max(0.0);
+        let end = (1.0 - critical2).sqrt();
         let critical = critical2.sqrt();
         let mut nodes = Vec::with_capacity(2 * n);
         for (x, w) in Rule::gauss(n, 0.0, 1.0).iter() {
@@ -148,9 +179,9 @@ impl HalfSpace {
                 nodes.push((critical * x * x, critical * 2.0 * x * w));
             }
             // Above it, mu = sqrt(critical^2 + t^2) resolves the square root of the reflectance; t again squared.
-            let t = x * x / eta;
+            let t = x * x * end;
             let mu = (critical2 + t * t).sqrt();
-            nodes.push((mu, t / mu * 2.0 * x / eta * w));
+            nodes.push((mu, t / mu * 2.0 * x * end * w));
         }
         let nodes = nodes
             .into_iter()
@@ -287,7 +318,7 @@ mod tests {
 
     #[test]
     fn nothing_is_lost_when_nothing_absorbs() {
-        for eta in [1.0, 1.001, 1.33, 1.5, 2.0, 3.0] {
+        for eta in [1.0 / 3.0, 0.7, 0.999, 1.0, 1.001, 1.33, 1.5, 2.0, 3.0] {
             for light in [
                 Illumination::Normal,
                 Illumination::Inside(0.3),
@@ -311,6 +342,30 @@ mod tests {
                 assert!((sum - h.plane_albedo(mu)).abs() < 1e-8, "{alpha} {mu}");
             }
             assert!((s.albedo(Illumination::DiffuseInside) - h.diffuse_albedo()).abs() < 1e-8);
+        }
+    }
+
+    #[test]
+    fn a_boundary_to_a_denser_outside_is_resolved_and_obeys_reciprocity() {
+        for (alpha, eta) in [(0.5, 0.7), (0.9, 0.4), (0.99, 0.9)] {
+            let fine = HalfSpace::with_nodes(alpha, eta, 120).unwrap();
+            let coarse = HalfSpace::new(alpha, eta).unwrap();
+            for light in [Illumination::Normal, Illumination::DiffuseInside, Illumination::DiffuseOutside] {
+                assert!((fine.albedo(light) - coarse.albedo(light)).abs() < 1e-6, "{alpha} {eta} {light:?}");
+            }
+            // Less is kept inside than with a denser inside, more than without a boundary.
+            let matched = HalfSpace::new(alpha, 1.0).unwrap().albedo(Illumination::Normal);
+            let a = coarse.albedo(Illumination::Normal);
+            assert!(
+                a < matched && a > HalfSpace::new(alpha, 1.0 / eta).unwrap().albedo(Illumination::Normal),
+                "{alpha} {eta}"
+            );
+            // The light that leaves for diffuse light from outside is the mean over incidence of the albedo times what enters.
+            let rule = Rule::composite(40, &[0.0, 0.02, 0.1, 0.3, 1.0]);
+            let entered = |mu: f64| 2.0 * mu * (1.0 - reflectance_f64(mu, 1.0 / eta));
+            let mean =
+                rule.integrate(|mu| entered(mu) * coarse.albedo(Illumination::Inside(mu))) / rule.integrate(entered);
+            assert!((mean - coarse.albedo(Illumination::DiffuseOutside)).abs() < 1e-6, "{alpha} {eta} {mean}");
         }
     }
 

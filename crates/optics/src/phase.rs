@@ -1,7 +1,11 @@
-//! Phase functions: isotropic and Henyey-Greenstein.
+//! Phase functions: Henyey-Greenstein in f32 for rendering, here; all others, in f64, in [`function`].
 //!
 //! `w_o` points back along the path, `w_i` onwards; both away from the point. The cosine of the deflection is cos = -dot(w_i, w_o),
 //! forward = +1. All densities are per steradian and integrate to 1 over the sphere, so that sampling has weight 1.
+
+pub mod function;
+
+pub use function::{PhaseFunction, Tabulated};
 
 use std::f32::consts::{PI, TAU};
 

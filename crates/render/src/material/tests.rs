@@ -133,7 +133,7 @@ fn unusable_materials_are_refused_with_their_place() {
         (MaterialKind::Mix { materials: [0, 5], amount: 0 }, "contains itself"),
         (MaterialKind::ThinDielectric { eta: SpectrumDescription::Constant(0.0) }, "eta"),
         (MaterialKind::ThinDielectric { eta: SpectrumDescription::Named("glass".into()) }, "did you mean"),
-        (subsurface(by_reflectance.clone(), 1.0, 0.8), "[1, 3]"),
+        (subsurface(by_reflectance.clone(), 1.0, 0.2), "[1/3, 3]"),
         (subsurface(by_reflectance, f32::NAN, 1.3), "scale"),
         (coat(0), "at least one"),
     ];
