@@ -28,6 +28,7 @@
 //! ```
 
 pub mod color;
+pub mod color_space;
 pub mod estimate;
 pub mod frame;
 pub mod named;
@@ -40,6 +41,7 @@ pub mod stats;
 pub mod upsampling;
 pub mod wavelengths;
 
+pub use color_space::ColorSpace;
 pub use estimate::Estimate;
 pub use frame::Frame;
 pub use glam::{self, DVec3, Mat4, Vec2, Vec3, Vec3A};

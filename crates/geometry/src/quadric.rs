@@ -181,6 +181,17 @@ impl Quadric {
         (self.to_world.transform_point3(p).as_vec3(), self.normal_to_world(n).as_vec3(), pdf as f32)
     }
 
+    /// Returns the point of [`Quadric::sample_area`] unrounded, with its texture coordinates.
+    pub fn sample_point(&self, u: [f64; 2]) -> (DVec3, Vec2) {
+        let p = self.to_world.transform_point3(self.object_sample(u).0);
+        (p, self.surface(p).uv)
+    }
+
+    /// Returns the outward unit normal at a point of the surface, or next to it.
+    pub fn outward_normal(&self, p: DVec3) -> DVec3 {
+        self.normal_to_world(self.object_normal(self.to_object.transform_point3(p)))
+    }
+
     /// Returns the density per area [1/L^2] with which [`Quadric::sample_area`] finds a point of the surface.
     pub fn pdf_area(&self, p: Vec3) -> f32 {
         let n = self.object_normal(self.to_object.transform_point3(p.as_dvec3()));

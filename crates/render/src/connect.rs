@@ -67,7 +67,7 @@ pub(crate) fn transmittance<const N: usize>(
         };
         let object = &scene.objects[hit.shape as usize];
         let surface = scene.accel.surface(&ray, &hit);
-        let point = TexturePoint { p: surface.p, n: surface.ns, uv: surface.uv };
+        let point = TexturePoint { p: surface.p, n: surface.ng, uv: surface.uv };
         let cut_out = object.alpha.is_some_and(|a| {
             let alpha = scene.textures.eval_float(a, &point);
             alpha < 1.0 && rng.uniform() >= alpha
@@ -134,6 +134,16 @@ fn weighed<const N: usize>(
     value * t * sample.radiance * (1.0 / density)
 }
 
+/// Returns a sample with the opacity of the light at its point, `None` where the light is cut out.
+fn opaque<const N: usize>(scene: &Scene, sample: LightSample<N>) -> Option<LightSample<N>> {
+    let Some(id) = sample.alpha else {
+        return Some(sample);
+    };
+    let at = TexturePoint { p: sample.point, n: sample.front, uv: sample.uv };
+    let alpha = scene.textures.eval_float(id, &at).clamp(0.0, 1.0);
+    (alpha > 0.0).then(|| LightSample { radiance: sample.radiance * alpha, ..sample })
+}
+
 /// Samples a light from a surface and adds its contribution.
 pub(crate) fn at_surface<const N: usize>(
     scene: &Scene,
@@ -154,6 +164,9 @@ pub(crate) fn at_surface<const N: usize>(
     }
     let u = [rng.uniform(), rng.uniform(), rng.uniform()];
     let Some(sample) = scene.lights.sample(surface.p, n, wavelengths, u) else {
+        return;
+    };
+    let Some(sample) = opaque(scene, sample) else {
         return;
     };
     let wo = -path.walker.d;
@@ -235,9 +248,9 @@ impl<const N: usize> InMedium<'_, '_, N> {
         let Some(sample) = self.scene.lights.sample(walker.p, None, self.wavelengths, u) else {
             return;
         };
-        if sample.radiance.is_black() {
+        let Some(sample) = opaque(self.scene, sample).filter(|s| !s.radiance.is_black()) else {
             return;
-        }
+        };
         let phase = medium.phase(walker.d, sample.wi);
         let from = From {
             p: walker.p,

@@ -427,6 +427,8 @@ pub enum Wrap {
     Black,
     /// Clamped to the edge.
     Clamp,
+    /// Goes on as the sphere does whose equal-area octahedral map the picture is.
+    Octahedral,
 }
 
 /// A texture that yields one number.
@@ -469,6 +471,51 @@ pub enum FloatTexture {
         /// Value of odd squares.
         b: FloatTextureId,
     },
+    /// Mix by the direction of the normal: amount = |n . dir|.
+    DirectionMix {
+        /// Value where the normal is across.
+        a: FloatTextureId,
+        /// Value where the normal is along.
+        b: FloatTextureId,
+        /// World direction, unit length.
+        dir: Vec3,
+    },
+    /// Bilinear interpolation between the corners of the unit square, continued beyond it.
+    Bilerp {
+        /// Coordinates.
+        mapping: TextureMapping,
+        /// Values at (0, 0), (1, 0), (0, 1), (1, 1).
+        v: [f32; 4],
+    },
+    /// Randomly placed dots of radius 0.35 in about two of five unit cells.
+    Dots {
+        /// Coordinates.
+        mapping: TextureMapping,
+        /// Value in dots.
+        inside: FloatTextureId,
+        /// Value around them.
+        outside: FloatTextureId,
+    },
+    /// Sum of octaves of noise.
+    Fbm {
+        /// World to texture space.
+        to_texture: Mat4,
+        /// Number of octaves.
+        octaves: u32,
+        /// Factor from one octave to the next.
+        roughness: f32,
+    },
+    /// Sum of octaves of the absolute value of noise.
+    Wrinkled {
+        /// World to texture space.
+        to_texture: Mat4,
+        /// Number of octaves.
+        octaves: u32,
+        /// Factor from one octave to the next.
+        roughness: f32,
+    },
+    /// Waves on water under a wind that varies; world to texture space.
+    Windy(Mat4),
 }
 
 /// A texture that yields a spectrum.
@@ -519,6 +566,35 @@ pub enum SpectrumTexture {
         a: SpectrumTextureId,
         /// Value of odd squares.
         b: SpectrumTextureId,
+    },
+    /// Bilinear interpolation between the corners of the unit square, continued beyond it.
+    Bilerp {
+        /// Coordinates.
+        mapping: TextureMapping,
+        /// Values at (0, 0), (1, 0), (0, 1), (1, 1).
+        v: [SpectrumTextureId; 4],
+    },
+    /// Randomly placed dots of radius 0.35 in about two of five unit cells.
+    Dots {
+        /// Coordinates.
+        mapping: TextureMapping,
+        /// Value in dots.
+        inside: SpectrumTextureId,
+        /// Value around them.
+        outside: SpectrumTextureId,
+    },
+    /// Veins of marble: a sine along y, bent by noise.
+    Marble {
+        /// World to texture space.
+        to_texture: Mat4,
+        /// Octaves of the noise.
+        octaves: u32,
+        /// Factor from one octave to the next.
+        roughness: f32,
+        /// Factor on texture space.
+        scale: f32,
+        /// How far the noise bends the veins.
+        variation: f32,
     },
 }
 
@@ -694,6 +770,20 @@ pub enum LightKind {
         cone_angle: f32,
         /// Width of the soft edge \[degrees\].
         cone_delta_angle: f32,
+    },
+    /// A point whose intensity is multiplied by a picture over the sphere of directions.
+    Goniometric {
+        /// Intensity where the picture is 1.
+        intensity: SpectrumDescription,
+        /// Square equal-area octahedral picture in light space, of which the mean of the components counts.
+        image: ImageId,
+    },
+    /// A point that throws a picture along +z; its first row is at negative y, its first column at negative x.
+    Projection {
+        /// Picture, whose colours are intensities.
+        image: ImageId,
+        /// Angle across its shorter side \[degrees\].
+        fov: f32,
     },
     /// Parallel light; radiance x solid angle [irradiance on a facing plane].
     Distant {

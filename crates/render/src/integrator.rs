@@ -389,6 +389,21 @@ impl Integrator {
         let wo = -path.walker.d;
         let escape = path.escape.take();
 
+        if object.body.is_some() && hit.exiting != path.inside.contains(hit.shape) {
+            counters.contrary += 1;
+        }
+
+        let point = TexturePoint { p: surface.p, n: surface.ng, uv: surface.uv };
+        // Let rays through what is cut out.
+        let cut_out = object.alpha.is_some_and(|a| {
+            let alpha = scene.textures.eval_float(a, &point);
+            alpha < 1.0 && rng.uniform() >= alpha
+        });
+        if cut_out {
+            path.standing = Standing::Through(hit);
+            return true;
+        }
+
         // Add what the surface emits, shared with light sampling.
         if let Some(l) = scene.lights.light_of(hit.shape, hit.index) {
             let radiance = scene.lights.emitted(l, surface.uv, surface.ng, wo, wavelengths);
@@ -404,20 +419,6 @@ impl Integrator {
             }
         }
 
-        if object.body.is_some() && hit.exiting != path.inside.contains(hit.shape) {
-            counters.contrary += 1;
-        }
-
-        let point = TexturePoint { p: surface.p, n: surface.ns, uv: surface.uv };
-        // Let rays through what is cut out, and through surfaces that only separate media.
-        let cut_out = object.alpha.is_some_and(|a| {
-            let alpha = scene.textures.eval_float(a, &point);
-            alpha < 1.0 && rng.uniform() >= alpha
-        });
-        if cut_out {
-            path.standing = Standing::Through(hit);
-            return true;
-        }
         // Pass what is not there: mere interfaces, boundaries within a body of higher rank, and between equal indices.
         let meeting = match object.body {
             Some(_) => path.inside.meet(object, hit.shape, hit.exiting),
@@ -442,6 +443,7 @@ impl Integrator {
         // Cross smooth refractive boundaries by the reciprocal rule.
         if let Boundary::Smooth { eta } = object.boundary {
             let eta = eta / outer;
+            let surface = &Surface { ns: scene.boundary_normal(object, surface), ..*surface };
             let outcome = if std::mem::take(&mut path.whole) {
                 self.split(scene, path, hit, surface, eta, wavelengths, rng, light, counters)
             } else {

@@ -6,7 +6,7 @@ use moonmilk_core::{Random, Vec3};
 use moonmilk_geometry::{Facing, Hit, Ray, Room, Surface};
 use moonmilk_walk::{Domain, Walker, domain::Wall};
 
-use crate::bsdf::{Crossing, cross};
+use crate::bsdf::{Crossing, boundary::near, cross};
 use crate::nest::{Meeting, Nest};
 use crate::scene::{Boundary, Scene, Side};
 use crate::through::{Escape, Start, Through};
@@ -166,7 +166,14 @@ impl<const N: usize> Domain<N> for Interior<'_> {
             walker.p = surface.p;
             return Wall::Leave(Exit::Surface(hit, surface));
         };
-        let (p, ng, ns) = self.scene.accel.point_and_normals(&ray, &hit);
+        let object = &self.scene.objects[hit.shape as usize];
+        let (p, ng, ns) = if self.scene.materials.perturbs_normals(object.material) {
+            let surface = self.scene.accel.surface(&ray, &hit);
+            (surface.p, surface.ng, self.scene.boundary_normal(object, &surface))
+        } else {
+            let (p, ng, ns) = self.scene.accel.point_and_normals(&ray, &hit);
+            (p, ng, near(ng, ns))
+        };
         walker.p = p;
         // Cross the object's own boundary: most arrivals are reflected inside, many times over.
         let wo = -walker.d;

@@ -10,6 +10,7 @@ use moonmilk_geometry::{Accel, Body, Bounds, Facing, Hit, Ray, Room, Surface};
 use moonmilk_walk::Medium;
 use thiserror::Error;
 
+use crate::bsdf::boundary::near;
 use crate::camera::Camera;
 use crate::description::{FloatTextureId, MediumId, MediumKind, Place, SceneDescription, SpectrumDescription, Warning};
 use crate::filter::Filter;
@@ -388,6 +389,17 @@ impl Scene {
     /// Returns the bytes held by geometry and, where built, clearance.
     pub fn memory(&self) -> usize {
         self.accel.memory() + self.objects.iter().filter_map(|o| o.room.get()).map(Room::memory).sum::<usize>()
+    }
+
+    /// Returns the normal about which a smooth boundary refracts: interpolated, then turned by a map if the material has one.
+    #[inline]
+    pub(crate) fn boundary_normal(&self, object: &Object, surface: &Surface) -> Vec3 {
+        let ns = near(surface.ng, surface.ns);
+        if !self.materials.perturbs_normals(object.material) {
+            return ns;
+        }
+        let point = TexturePoint { p: surface.p, n: surface.ng, uv: surface.uv };
+        self.materials.shading_normal(object.material, &self.textures, &Surface { ns, ..*surface }, &point)
     }
 
     /// Returns the surface of an object nearest to a point that rounding put outside it.

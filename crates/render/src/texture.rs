@@ -15,12 +15,15 @@ use crate::description::{
 };
 use crate::material::MaterialError;
 
+mod noise;
+mod procedural;
+
 /// Where a texture is evaluated.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TexturePoint {
     /// World point.
     pub p: Vec3,
-    /// World unit normal.
+    /// World unit normal of the true surface, as pbrt-v4 gives it to textures.
     pub n: Vec3,
     /// Surface parameters.
     pub uv: Vec2,
@@ -121,8 +124,15 @@ impl Textures {
         for (i, t) in d.float_textures.iter().enumerate() {
             let name = format!("float texture {i}");
             let (refers, image) = match t {
-                FloatTexture::Constant(_) => (vec![], None),
-                FloatTexture::Scale(a, b) | FloatTexture::Checkerboard { a, b, .. } => (vec![*a, *b], None),
+                FloatTexture::Constant(_)
+                | FloatTexture::Bilerp { .. }
+                | FloatTexture::Fbm { .. }
+                | FloatTexture::Wrinkled { .. }
+                | FloatTexture::Windy(_) => (vec![], None),
+                FloatTexture::Scale(a, b)
+                | FloatTexture::DirectionMix { a, b, .. }
+                | FloatTexture::Checkerboard { a, b, .. }
+                | FloatTexture::Dots { inside: a, outside: b, .. } => (vec![*a, *b], None),
                 FloatTexture::Mix { a, b, amount } => (vec![*a, *b, *amount], None),
                 FloatTexture::Image { image, .. } => (vec![], Some(*image)),
             };
@@ -136,9 +146,11 @@ impl Textures {
                 SpectrumTexture::Constant(_) => (vec![], vec![], None),
                 SpectrumTexture::Scale(a, f) => (vec![*a], vec![*f], None),
                 SpectrumTexture::Mix { a, b, amount } => (vec![*a, *b], vec![*amount], None),
-                SpectrumTexture::DirectionMix { a, b, .. } | SpectrumTexture::Checkerboard { a, b, .. } => {
-                    (vec![*a, *b], vec![], None)
-                }
+                SpectrumTexture::DirectionMix { a, b, .. }
+                | SpectrumTexture::Checkerboard { a, b, .. }
+                | SpectrumTexture::Dots { inside: a, outside: b, .. } => (vec![*a, *b], vec![], None),
+                SpectrumTexture::Bilerp { v, .. } => (v.to_vec(), vec![], None),
+                SpectrumTexture::Marble { .. } => (vec![], vec![], None),
                 SpectrumTexture::Image { image, .. } => (vec![], vec![], Some(*image)),
             };
             before(&name, &refers, i)?;
@@ -184,6 +196,23 @@ impl Textures {
             FloatTexture::Checkerboard { mapping, a, b } => {
                 self.eval_float(if even(mapping, at) { *a } else { *b }, at)
             }
+            FloatTexture::DirectionMix { a, b, dir } => {
+                let t = at.n.dot(*dir).abs();
+                self.eval_float(*a, at) * (1.0 - t) + self.eval_float(*b, at) * t
+            }
+            FloatTexture::Bilerp { mapping, v } => {
+                procedural::bilinear(coordinates(mapping, at)).iter().zip(v).map(|(w, v)| w * v).sum()
+            }
+            FloatTexture::Dots { mapping, inside, outside } => {
+                self.eval_float(if procedural::in_dot(coordinates(mapping, at)) { *inside } else { *outside }, at)
+            }
+            FloatTexture::Fbm { to_texture, octaves, roughness } => {
+                noise::fbm(to_texture.transform_point3(at.p), *roughness, *octaves)
+            }
+            FloatTexture::Wrinkled { to_texture, octaves, roughness } => {
+                noise::turbulence(to_texture.transform_point3(at.p), *roughness, *octaves)
+            }
+            FloatTexture::Windy(to_texture) => procedural::waves(to_texture.transform_point3(at.p)),
         }
     }
 
@@ -220,6 +249,22 @@ impl Textures {
             }
             SpectrumTexture::Checkerboard { mapping, a, b } => {
                 self.eval_spectrum(if even(mapping, at) { *a } else { *b }, at, w, role)
+            }
+            SpectrumTexture::Bilerp { mapping, v } => procedural::bilinear(coordinates(mapping, at))
+                .iter()
+                .zip(v)
+                .fold(Spectrum::ZERO, |sum, (f, v)| sum + self.eval_spectrum(*v, at, w, role) * *f),
+            SpectrumTexture::Dots { mapping, inside, outside } => {
+                let dot = procedural::in_dot(coordinates(mapping, at));
+                self.eval_spectrum(if dot { *inside } else { *outside }, at, w, role)
+            }
+            SpectrumTexture::Marble { to_texture, octaves, roughness, scale, variation } => {
+                let p = to_texture.transform_point3(at.p) * *scale;
+                let rgb = procedural::marble(p, *roughness, *octaves, *variation);
+                match role {
+                    Role::Albedo => sample_albedo(rgb, w),
+                    Role::Unbounded | Role::Illuminant => sample_unbounded(rgb, w),
+                }
             }
         }
     }
@@ -300,6 +345,12 @@ fn even(mapping: &TextureMapping, at: &TexturePoint) -> bool {
     sum.rem_euclid(2.0) < 0.5
 }
 
+/// Returns the texel that lies as far inside an edge as x lies outside.
+#[inline]
+fn beyond(x: i64, n: i64) -> i64 {
+    if x < 0 { x.saturating_neg().saturating_sub(1) } else { (2 * n - 1).saturating_sub(x) }
+}
+
 /// Returns the interpolated value of a picture; texel centres lie at half-integers, v points up.
 fn lookup<const C: usize>(
     image: &ImageDescription,
@@ -318,6 +369,12 @@ fn lookup<const C: usize>(
             Wrap::Black => return [0.0; C],
             Wrap::Repeat => (x.rem_euclid(width), y.rem_euclid(height)),
             Wrap::Clamp => (x.clamp(0, width - 1), y.clamp(0, height - 1)),
+            Wrap::Octahedral => {
+                // An edge of the octahedral square is glued to itself, turned over about its middle.
+                let (x, y) = if (0..width).contains(&x) { (x, y) } else { (beyond(x, width), height - 1 - y) };
+                let (x, y) = if (0..height).contains(&y) { (x, y) } else { (width - 1 - x, beyond(y, height)) };
+                (x.clamp(0, width - 1), y.clamp(0, height - 1))
+            }
         };
         texel((y * width + x) as usize)
     };
@@ -339,100 +396,4 @@ fn lookup<const C: usize>(
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::material::tests::empty_scene;
-    use moonmilk_core::WavelengthMode;
-    use moonmilk_core::glam::Mat4;
-
-    fn at(u: f32, v: f32) -> TexturePoint {
-        TexturePoint { p: Vec3::new(u, v, 0.5), n: Vec3::Z, uv: Vec2::new(u, v) }
-    }
-
-    fn uv() -> TextureMapping {
-        TextureMapping::Uv { scale: Vec2::ONE, delta: Vec2::ZERO }
-    }
-
-    fn picture() -> ImageDescription {
-        // Two by two: top row 0, .25; bottom row .5, 1.
-        let rgb = [0.0, 0.25, 0.5, 1.0].map(|x| [x, x, x * 0.5]).to_vec();
-        ImageDescription { name: "four".into(), width: 2, height: 2, rgb, alpha: vec![] }
-    }
-
-    fn image_texture(wrap: Wrap, scale: f32, invert: bool, bilinear: bool) -> SpectrumTexture {
-        SpectrumTexture::Image { image: 0, mapping: uv(), wrap, scale, invert, bilinear }
-    }
-
-    fn red<const N: usize>(w: &Wavelengths<N>, s: Spectrum<N>) -> f32 {
-        w.to_rgb(s)[0]
-    }
-
-    #[test]
-    fn pictures_have_their_origin_below_left_and_wrap_as_told() {
-        let mut d = empty_scene();
-        d.images.push(picture());
-        for wrap in [Wrap::Repeat, Wrap::Black, Wrap::Clamp] {
-            d.spectrum_textures.push(image_texture(wrap, 1.0, false, true));
-        }
-        d.spectrum_textures.push(image_texture(Wrap::Clamp, 1.0, false, false));
-        d.spectrum_textures.push(image_texture(Wrap::Clamp, 0.5, true, false));
-        let t = Textures::new(&d).unwrap();
-        let w = Wavelengths::<3>::sample(WavelengthMode::Rgb, 0.1);
-        let value = |id: usize, u: f32, v: f32| red(&w, t.eval_spectrum(id, &at(u, v), &w, Role::Albedo));
-        // Rounding of f32 throughout. Texel centres are exact, the middle is the mean.
-        assert!((value(0, 0.25, 0.75) - 0.0).abs() < 1e-6 && (value(0, 0.75, 0.25) - 1.0).abs() < 1e-6);
-        assert!((value(0, 0.5, 0.5) - 0.4375).abs() < 1e-6);
-        assert!((value(0, 1.75, -0.75) - 1.0).abs() < 1e-6, "repeats");
-        assert_eq!(value(1, 2.75, 0.25), 0.0, "black outside");
-        assert!((value(2, 9.0, -7.0) - 1.0).abs() < 1e-6, "clamps to the corner");
-        assert!((value(3, 0.6, 0.4) - 1.0).abs() < 1e-6, "nearest");
-        assert!((value(4, 0.6, 0.4) - 0.5).abs() < 1e-6, "scaled, then inverted");
-        assert!(
-            value(0, f32::NAN, f32::INFINITY).is_nan() || value(0, f32::NAN, 0.0) <= 1.0,
-            "odd coordinates do not panic"
-        );
-    }
-
-    #[test]
-    fn combinations_combine() {
-        let mut d = empty_scene();
-        d.float_textures = vec![
-            FloatTexture::Constant(0.25),
-            FloatTexture::Constant(0.75),
-            FloatTexture::Scale(0, 1),
-            FloatTexture::Mix { a: 0, b: 1, amount: 0 },
-            FloatTexture::Checkerboard { mapping: uv(), a: 0, b: 1 },
-            FloatTexture::Checkerboard { mapping: TextureMapping::Point(Mat4::IDENTITY), a: 0, b: 1 },
-        ];
-        d.spectrum_textures = vec![
-            SpectrumTexture::Constant(SpectrumDescription::Constant(0.2)),
-            SpectrumTexture::Constant(SpectrumDescription::Rgb([1.0, 0.5, 0.0])),
-            SpectrumTexture::DirectionMix { a: 0, b: 1, dir: Vec3::Z },
-            SpectrumTexture::Scale(1, 0),
-        ];
-        let t = Textures::new(&d).unwrap();
-        let f = |id, u, v| t.eval_float(id, &at(u, v));
-        assert_eq!((f(2, 0.0, 0.0), f(3, 0.0, 0.0)), (0.1875, 0.375));
-        assert_eq!((f(4, 0.5, 0.5), f(4, 1.5, 0.5), f(4, -0.5, 0.5), f(4, -0.5, -0.5)), (0.25, 0.75, 0.75, 0.25));
-        assert_eq!((f(5, 0.5, 0.5), f(5, 1.5, 0.5)), (0.25, 0.75));
-        let w = Wavelengths::<3>::sample(WavelengthMode::Rgb, 0.1);
-        assert_eq!(w.to_rgb(t.eval_spectrum(2, &at(0.0, 0.0), &w, Role::Albedo)), [1.0, 0.5, 0.0]);
-        assert_eq!(w.to_rgb(t.eval_spectrum(3, &at(0.0, 0.0), &w, Role::Albedo)), [0.25, 0.125, 0.0]);
-        assert_eq!(t.constant_float(2), Some(0.1875));
-        // In hero mode an albedo stays in [0, 1] at every wavelength.
-        for k in 0..100 {
-            let w = Wavelengths::<4>::sample(WavelengthMode::Hero, (k as f32 + 0.5) / 100.0);
-            assert!(t.eval_spectrum(1, &at(0.0, 0.0), &w, Role::Albedo).0.iter().all(|x| (0.0..=1.0).contains(x)));
-        }
-    }
-
-    #[test]
-    fn references_to_later_textures_and_missing_pictures_are_refused() {
-        let mut d = empty_scene();
-        d.float_textures = vec![FloatTexture::Scale(0, 0)];
-        assert!(Textures::new(&d).unwrap_err().to_string().contains("not defined before"));
-        d.float_textures.clear();
-        d.spectrum_textures = vec![image_texture(Wrap::Clamp, 1.0, false, true)];
-        assert!(Textures::new(&d).unwrap_err().to_string().contains("does not exist"));
-    }
-}
+mod tests;

@@ -254,7 +254,8 @@ impl<'a> Through<'a> {
         // Cast the real ray to the real surface.
         let (ray, hit) = self.exit(walker.p, omega, self.reach(), counters)?;
         let surface = scene.accel.surface(&ray, &hit);
-        let outcomes = branches(-omega, surface.ng, surface.ns, self.eta);
+        let ns = scene.boundary_normal(&scene.objects[hit.shape as usize], &surface);
+        let outcomes = branches(-omega, surface.ng, ns, self.eta);
         let transmitted: f32 = outcomes.iter().filter(|b| is_transmitted(&b.1)).map(|b| b.0).sum();
         // Take one of the transmitted outcomes in proportion to its probability.
         let mut left = choice * transmitted;

@@ -9,6 +9,7 @@ mod transforms;
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
+use moonmilk_core::color_space::{self, ColorSpace};
 use moonmilk_core::glam::DMat4;
 use moonmilk_render::description::{
     AreaLightDescription, GeometryDescription, LightDescription, MediumDescription, MediumId, Place,
@@ -44,6 +45,7 @@ struct State {
     ctm: [DMat4; 2],
     active: [bool; 2],
     reverse_orientation: bool,
+    color_space: ColorSpace,
     material: MaterialRef,
     inside: Name,
     outside: Name,
@@ -81,6 +83,7 @@ struct Pending {
     outside: Name,
     area_light: Option<Arc<AreaLightDescription>>,
     alpha: Option<Alpha>,
+    displacement: Name,
 }
 
 /// All that has been said.
@@ -125,6 +128,7 @@ impl Builder {
             ctm: [DMat4::IDENTITY; 2],
             active: [true; 2],
             reverse_orientation: false,
+            color_space: ColorSpace::Srgb,
             material: MaterialRef::Unnamed(0),
             inside: None,
             outside: None,
@@ -239,13 +243,12 @@ impl Builder {
     }
 
     pub(crate) fn color_space(&mut self, cx: &mut Context, at: Spot, name: &str) {
-        const SPACES: [&str; 4] = ["srgb", "rec2020", "aces2065-1", "dci-p3"];
-        match name {
-            "srgb" => {}
-            _ if SPACES.contains(&name) => {
-                cx.warn(at, format!("color space `{name}` is not supported yet: its values are read as srgb"));
+        match ColorSpace::named(name) {
+            Some(space) => self.state.color_space = space,
+            None => {
+                let names = color_space::NAMES.map(|n| n.0);
+                cx.error_help(at, format!("`{name}` is no color space"), did_you_mean(name, &names, "accepted"));
             }
-            _ => cx.error_help(at, format!("`{name}` is no color space"), did_you_mean(name, &SPACES, "accepted")),
         }
     }
 
@@ -298,6 +301,16 @@ impl Builder {
             cx.error_unless_lenient(at, format!("`{name}` is no option"), did_you_mean(name, &NAMES, "accepted"));
             return;
         }
+        // The others change how pbrt works, not what it converges to.
+        let changes = match plain.as_str() {
+            "forcediffuse" => "materials stay as they are",
+            "disablepixeljitter" => "samples are spread over the pixel by its filter",
+            "disablewavelengthjitter" => "wavelengths are random",
+            _ => "",
+        };
+        if !changes.is_empty() && cx.text(value) == "true" {
+            cx.warn(at, format!("option `{name}` is not supported: {changes}"));
+        }
         if plain == "seed" {
             match cx.text(value).parse::<i64>() {
                 Ok(seed) => self.seed = seed as u64,
@@ -346,8 +359,8 @@ impl Builder {
             cx.error(name.1, "the transform in force at Texture has no inverse");
             to_world = DMat4::IDENTITY;
         }
-        let params =
-            Params::new(format!("texture \"{}\"", class.0), name.1, own, self.state.attributes.texture.clone());
+        let entity = format!("texture \"{}\"", class.0);
+        let params = Params::within(self.state.color_space, entity, name.1, own, self.state.attributes.texture.clone());
         self.texture_entities.push(TextureEntity { name: name.0, spectrum, class, params, to_world });
     }
 
@@ -362,7 +375,10 @@ impl Builder {
         own: Vec<Param>,
     ) {
         let attributes = self.state.attributes.clone();
-        let plain = |what: &str, own: Vec<Param>| Params::new(format!("{what} \"{kind}\""), spot, own, Arc::default());
+        let space = self.state.color_space;
+        let plain = |what: &str, own: Vec<Param>| {
+            Params::within(space, format!("{what} \"{kind}\""), spot, own, Arc::default())
+        };
         match directive {
             "Camera" | "Film" | "PixelFilter" | "Sampler" | "Integrator" => {
                 self.before_world(cx, spot, directive);
@@ -390,33 +406,33 @@ impl Builder {
                     cx.error(at, format!("medium `{kind}` is defined twice"));
                     return;
                 }
-                let params = Params::new(format!("medium \"{kind}\""), spot, own, attributes.medium);
+                let params = Params::within(space, format!("medium \"{kind}\""), spot, own, attributes.medium);
                 self.medium_names.insert(kind.clone(), self.media.len());
                 self.media.push(media::medium(cx, kind, params));
             }
             "MakeNamedMaterial" => {
                 self.in_world(cx, spot, directive);
-                let params = Params::new(format!("material \"{kind}\""), spot, own, attributes.material);
+                let params = Params::within(space, format!("material \"{kind}\""), spot, own, attributes.material);
                 self.known_materials.insert(kind.clone());
                 self.named_materials.push(MaterialEntity { name: Some(kind), kind: None, params });
             }
             "Material" => {
                 self.in_world(cx, spot, directive);
-                let params = Params::new(format!("material \"{kind}\""), spot, own, attributes.material);
+                let params = Params::within(space, format!("material \"{kind}\""), spot, own, attributes.material);
                 self.state.material = MaterialRef::Unnamed(self.unnamed_materials.len());
                 self.unnamed_materials.push(MaterialEntity { name: None, kind: Some((kind, at)), params });
             }
             "LightSource" => {
                 self.in_world(cx, spot, directive);
                 let placement = self.placement(cx, spot);
-                let params = Params::new(format!("light \"{kind}\""), spot, own, attributes.light);
+                let params = Params::within(space, format!("light \"{kind}\""), spot, own, attributes.light);
                 if let Some(light) = lights::light(cx, &mut self.textures.images, &kind, at, params, placement, None) {
                     self.lights.push((light, self.state.outside.clone()));
                 }
             }
             "AreaLightSource" => {
                 self.in_world(cx, spot, directive);
-                let params = Params::new(format!("area light \"{kind}\""), spot, own, attributes.light);
+                let params = Params::within(space, format!("area light \"{kind}\""), spot, own, attributes.light);
                 self.state.area_light =
                     lights::area_light(cx, &mut self.textures.images, &kind, at, params).map(Arc::new);
             }
@@ -446,6 +462,7 @@ impl Builder {
             outside: self.state.outside.clone(),
             area_light,
             alpha: form.alpha,
+            displacement: form.displacement,
         };
         if self.shapes.len() >= cx.options.max_shapes {
             if self.shapes.len() == cx.options.max_shapes {
@@ -506,7 +523,8 @@ impl Builder {
             }
         }
         let list = Arc::make_mut(list);
-        for param in own {
+        for mut param in own {
+            param.color_space = self.state.color_space;
             // A newer value replaces the older one, so that the list stays short.
             list.retain(|p| p.name != param.name || p.ty != param.ty);
             list.push(param);

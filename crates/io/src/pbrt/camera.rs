@@ -1,7 +1,7 @@
 //! What stands above `WorldBegin`: camera, film, filter, sampler, integrator.
 
-use moonmilk_core::Vec2;
 use moonmilk_core::glam::DMat4;
+use moonmilk_core::{ColorSpace, Vec2};
 use moonmilk_render::description::{
     CameraDescription, CameraKind, FilmDescription, FilterDescription, FilterKind, IntegratorDescription, MediumId,
     SamplerDescription,
@@ -10,6 +10,7 @@ use moonmilk_render::description::{
 use super::context::Context;
 use super::lexer::Spot;
 use super::params::{Params, Type, did_you_mean};
+use super::spectra::read_spd;
 
 /// A directive with a type: `Camera "perspective" ...`.
 pub(crate) struct Entity {
@@ -26,13 +27,13 @@ fn unknown(cx: &mut Context, at: Spot, kind: &str, what: &str, accepted: &[&str]
     cx.error_help(at, format!("`{kind}` is no type of {what}"), help);
 }
 
-/// The camera and the time that its shutter is open [s].
+/// The camera, the time that its shutter is open [s], and the lens of a realistic camera, which needs the film ([`Lens::focus`]).
 pub(crate) fn camera(
     cx: &mut Context,
     entity: Option<Entity>,
     world_to_camera: DMat4,
     medium: Option<MediumId>,
-) -> (CameraDescription, f32) {
+) -> (CameraDescription, f32, Option<Lens>) {
     let mut description = CameraDescription {
         kind: CameraKind::Perspective { fov: 90.0 },
         camera_to_world: world_to_camera.inverse().as_mat4(),
@@ -43,7 +44,7 @@ pub(crate) fn camera(
         focal_distance: 1e6,
     };
     let Some(Entity { kind, at, params: mut p }) = entity else {
-        return (description, 1.0);
+        return (description, 1.0, None);
     };
     if world_to_camera.determinant() == 0.0 || !world_to_camera.inverse().is_finite() {
         cx.error(p.spot, "the transform in force at Camera has no inverse");
@@ -54,6 +55,7 @@ pub(crate) fn camera(
         cx.error(p.spot, "the shutter closes before it opens: the picture would be black");
     }
     let mut checked = true;
+    let mut lens = None;
     match kind.as_str() {
         "perspective" => {
             let fov = p.float_in(cx, "fov", 90.0, |f| f > 0.0 && f < 180.0, "(0, 180) degrees");
@@ -69,11 +71,7 @@ pub(crate) fn camera(
             description.kind = CameraKind::Spherical { equal_area };
             projective(cx, &mut p, &mut description);
         }
-        "realistic" => {
-            cx.warn(at, "realistic cameras are not supported yet: a perspective camera with fov 45 is used");
-            description.kind = CameraKind::Perspective { fov: 45.0 };
-            checked = false;
-        }
+        "realistic" => lens = realistic(cx, &mut p, at),
         _ => {
             let former = (kind == "environment").then_some("spherical");
             unknown(cx, at, &kind, "camera", &["orthographic", "perspective", "realistic", "spherical"], former);
@@ -83,7 +81,89 @@ pub(crate) fn camera(
     if checked {
         p.finish(cx);
     }
-    (description, if shutter > 0.0 { shutter } else { 1.0 })
+    (description, if shutter > 0.0 { shutter } else { 1.0 }, lens)
+}
+
+/// The thin lens that stands in for the lens system of a realistic camera; lengths in scene units, which are metres to pbrt.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Lens {
+    focal_length: f64,
+    /// Distance in focus.
+    distance: f64,
+    /// Radius of the entrance.
+    radius: f64,
+}
+
+impl Lens {
+    /// Makes the camera see what the lens throws on a film of that diagonal [mm]: the picture lies at 1 / (1 / f - 1 / d) behind the lens.
+    pub(crate) fn focus(&self, camera: &mut CameraDescription, film: &FilmDescription, diagonal: f32) {
+        let image = 1.0 / (1.0 / self.focal_length - 1.0 / self.distance);
+        let (w, h) = (f64::from(film.width), f64::from(film.height));
+        let shorter = f64::from(diagonal) * 1e-3 * w.min(h) / w.hypot(h);
+        let fov = 2.0 * (0.5 * shorter / image).atan();
+        camera.kind = CameraKind::Perspective { fov: fov.to_degrees() as f32 };
+        (camera.lens_radius, camera.focal_distance) = (self.radius as f32, self.distance as f32);
+    }
+}
+
+/// A realistic camera: its lens system is read, and replaced by the thin lens of the same focal length.
+fn realistic(cx: &mut Context, p: &mut Params, at: Spot) -> Option<Lens> {
+    let distance = f64::from(p.float_in(cx, "focusdistance", 10.0, |d| d > 0.0, "(0, inf)"));
+    let opening = f64::from(p.float_in(cx, "aperturediameter", 1.0, |d| d >= 0.0, "[0, inf) mm"));
+    if let Some((shape, spot)) = p.string(cx, "aperture").filter(|(shape, _)| shape != "circular") {
+        cx.warn(spot, format!("aperture `{shape}` is not supported: the aperture is circular"));
+    }
+    let Some((path, spot)) = p.string(cx, "lensfile") else {
+        cx.error(p.spot, "a realistic camera needs `string lensfile`");
+        return None;
+    };
+    let bytes = cx.fetch(&path, Some(spot))?;
+    let rows = match read_spd(&bytes) {
+        Ok(numbers) if numbers.len() >= 4 && numbers.len().is_multiple_of(4) => numbers,
+        Ok(numbers) => {
+            let reason = "rows of curvature radius, thickness, index and diameter are expected";
+            cx.error(spot, format!("{path}: {} numbers; {reason}", numbers.len()));
+            return None;
+        }
+        Err(line) => {
+            cx.error(spot, format!("{path}:{line}: a number is expected"));
+            return None;
+        }
+    };
+    let Some((focal_length, stop)) = focal_length(&rows).filter(|(f, _)| *f * 1e-3 < distance) else {
+        cx.error(spot, format!("{path}: this lens does not focus at `focusdistance` {distance}"));
+        return None;
+    };
+    // The stop may not open farther than the lens file says.
+    let radius = 0.5e-3 * opening.min(stop);
+    cx.warn(
+        at,
+        format!(
+            "realistic cameras are not supported: a thin lens of the same focal length, {focal_length:.1} mm, is used"
+        ),
+    );
+    Some(Lens { focal_length: focal_length * 1e-3, distance, radius })
+}
+
+/// Focal length of a lens system and diameter of its stop [mm], from rows (curvature radius, thickness, index behind, diameter), front first.
+///
+/// A ray parallel to the axis at height 1 is followed in the paraxial approximation; it leaves with slope -1 / f. A radius of 0 marks the stop.
+fn focal_length(rows: &[f32]) -> Option<(f64, f64)> {
+    let (mut y, mut slope, mut index, mut stop) = (1.0f64, 0.0f64, 1.0f64, f64::INFINITY);
+    for row in rows.chunks_exact(4) {
+        let [radius, thickness, behind, diameter] = std::array::from_fn(|i| f64::from(row[i]));
+        let behind = if behind == 0.0 { 1.0 } else { behind };
+        if radius == 0.0 {
+            stop = stop.min(diameter);
+        } else {
+            // n' u' = n u - y (n' - n) / R
+            slope = (index * slope - y * (behind - index) / radius) / behind;
+            index = behind;
+        }
+        y += slope * thickness;
+    }
+    let f = -1.0 / slope;
+    (f.is_finite() && f > 0.0).then_some((f, stop))
 }
 
 fn projective(cx: &mut Context, p: &mut Params, camera: &mut CameraDescription) {
@@ -103,8 +183,8 @@ fn projective(cx: &mut Context, p: &mut Params, camera: &mut CameraDescription) 
 /// Largest side of a picture [pixels].
 const MAX_SIDE: u32 = 65_536;
 
-/// The film; `shutter` is the exposure time.
-pub(crate) fn film(cx: &mut Context, entity: Option<Entity>, shutter: f32) -> FilmDescription {
+/// The film and its diagonal [mm]; `shutter` is the exposure time.
+pub(crate) fn film(cx: &mut Context, entity: Option<Entity>, shutter: f32) -> (FilmDescription, f32) {
     let mut film = FilmDescription {
         width: 1280,
         height: 720,
@@ -114,7 +194,7 @@ pub(crate) fn film(cx: &mut Context, entity: Option<Entity>, shutter: f32) -> Fi
         max_component_value: None,
     };
     let Some(Entity { kind, at, params: mut p }) = entity else {
-        return film;
+        return (film, 35.0);
     };
     match kind.as_str() {
         "rgb" => {}
@@ -125,7 +205,7 @@ pub(crate) fn film(cx: &mut Context, entity: Option<Entity>, shutter: f32) -> Fi
         }
         _ => {
             unknown(cx, at, &kind, "film", &["rgb", "gbuffer", "spectral"], (kind == "image").then_some("rgb"));
-            return film;
+            return (film, 35.0);
         }
     }
     film.filename = p.string(cx, "filename").map(|f| f.0).filter(|f| !f.is_empty());
@@ -154,9 +234,14 @@ pub(crate) fn film(cx: &mut Context, entity: Option<Entity>, shutter: f32) -> Fi
         let spot = p.spot_of("whitebalance");
         cx.warn(spot, "white balance is not supported yet: the picture keeps the colour of its light");
     }
-    p.ignore(&[("diagonal", &[Type::Float]), ("savefp16", &[Type::Bool])]);
+    if p.color_space != ColorSpace::Srgb {
+        let message = format!("the picture is written in linear sRGB, not in {}", p.color_space.name());
+        cx.warn(p.spot, message);
+    }
+    let diagonal = p.float_in(cx, "diagonal", 35.0, |d| d > 0.0, "(0, inf) mm");
+    p.ignore(&[("savefp16", &[Type::Bool])]);
     p.finish(cx);
-    film
+    (film, diagonal)
 }
 
 /// Pixels to render from `pixelbounds` or `cropwindow`; the latter wins, as in pbrt.

@@ -5,14 +5,16 @@
 //! renderer: it applies to every emission in the description that is not `Rgb`.
 
 use moonmilk_core::Vec3;
-use moonmilk_core::glam::DMat4;
-use moonmilk_render::description::{AreaLightDescription, ImageDescription, LightDescription, LightKind, MediumId};
+use moonmilk_core::glam::{DMat4, DVec3, DVec4};
+use moonmilk_render::description::{
+    AreaLightDescription, ImageDescription, ImageId, LightDescription, LightKind, MediumId,
+};
 
 use super::context::Context;
 use super::images::Images;
 use super::lexer::Spot;
 use super::params::{Params, Type, did_you_mean};
-use super::spectra::{Role, WHITE, spectrum};
+use super::spectra::{Role, spectrum, white};
 
 const KINDS: [&str; 6] = ["distant", "goniometric", "infinite", "point", "projection", "spot"];
 
@@ -31,16 +33,16 @@ pub(crate) fn light(
     let place = cx.place(p.spot);
     let mut scale = p.float(cx, "scale", 1.0);
     let mut placement = to_world;
-    let mut checked = true;
+    let mut power = None;
     let kind = match kind {
         "point" => {
-            let intensity = spectrum(cx, &mut p, "I", Role::Illuminant).unwrap_or(WHITE);
+            let intensity = spectrum(cx, &mut p, "I", Role::Illuminant).unwrap_or_else(|| white(p.color_space));
             scale *= target(cx, &mut p, "power", 4.0 * PI);
             let from = p.vec3(cx, "from", &[Type::Point3], Vec3::ZERO);
             LightKind::Point { from, intensity }
         }
         "spot" => {
-            let intensity = spectrum(cx, &mut p, "I", Role::Illuminant).unwrap_or(WHITE);
+            let intensity = spectrum(cx, &mut p, "I", Role::Illuminant).unwrap_or_else(|| white(p.color_space));
             let cone_angle = p.float_in(cx, "coneangle", 30.0, |a| a > 0.0 && a <= 180.0, "(0, 180] degrees");
             let cone_delta_angle = p.float_in(cx, "conedeltaangle", 5.0, |a| a >= 0.0, "[0, inf) degrees");
             scale *= target(cx, &mut p, "power", spot_solid_angle(cone_angle, cone_delta_angle));
@@ -50,7 +52,7 @@ pub(crate) fn light(
             LightKind::Spot { from, to, intensity, cone_angle, cone_delta_angle }
         }
         "distant" => {
-            let irradiance = spectrum(cx, &mut p, "L", Role::Illuminant).unwrap_or(WHITE);
+            let irradiance = spectrum(cx, &mut p, "L", Role::Illuminant).unwrap_or_else(|| white(p.color_space));
             scale *= target(cx, &mut p, "illuminance", 1.0);
             let from = p.vec3(cx, "from", &[Type::Point3], Vec3::ZERO);
             let to = p.vec3(cx, "to", &[Type::Point3], Vec3::Z);
@@ -59,32 +61,43 @@ pub(crate) fn light(
         }
         "infinite" => infinite(cx, images, &mut p, &mut scale)?,
         "goniometric" => {
-            cx.warn(at, "goniometric lights are not supported yet: a point light of the same intensity is used");
-            checked = false;
-            let intensity = spectrum(cx, &mut p, "I", Role::Illuminant).unwrap_or(WHITE);
-            scale *= target(cx, &mut p, "power", 4.0 * PI);
-            LightKind::Point { from: Vec3::ZERO, intensity }
+            let intensity = spectrum(cx, &mut p, "I", Role::Illuminant).unwrap_or_else(|| white(p.color_space));
+            power = p.float_or_none(cx, "power").filter(|&power| power > 0.0);
+            // pbrt exchanges y and z of the light: the middle of the picture is up.
+            placement = to_world * DMat4::from_cols(DVec4::X, DVec4::Z, DVec4::Y, DVec4::W);
+            match p.string(cx, "filename").filter(|(path, _)| !path.is_empty()) {
+                None => {
+                    cx.warn(p.spot, "a goniometric light without `filename` shines equally in all directions");
+                    LightKind::Point { from: Vec3::ZERO, intensity }
+                }
+                Some((path, spot)) => {
+                    let image = images.load(cx, &path, spot, "sRGB")?;
+                    square(cx, images, image, &path, spot, "a goniometric light")?;
+                    LightKind::Goniometric { intensity, image }
+                }
+            }
         }
         "projection" => {
-            cx.warn(at, "projection lights are not supported yet: a white spot light of the same angle is used");
-            checked = false;
             let fov = p.float_in(cx, "fov", 90.0, |a| a > 0.0 && a < 180.0, "(0, 180) degrees");
-            let intensity = spectrum(cx, &mut p, "I", Role::Illuminant).unwrap_or(WHITE);
-            scale *= target(cx, &mut p, "power", spot_solid_angle(fov / 2.0, 0.0));
-            LightKind::Spot { from: Vec3::ZERO, to: Vec3::Z, intensity, cone_angle: fov / 2.0, cone_delta_angle: 0.0 }
+            power = p.float_or_none(cx, "power").filter(|&power| power > 0.0);
+            // pbrt mirrors y, so that the picture stands upright where y is up.
+            placement = to_world * DMat4::from_scale(DVec3::new(1.0, -1.0, 1.0));
+            let Some((path, spot)) = p.string(cx, "filename").filter(|(path, _)| !path.is_empty()) else {
+                cx.error(p.spot, "a projection light needs `string filename`");
+                return None;
+            };
+            LightKind::Projection { image: images.load(cx, &path, spot, "sRGB")?, fov }
         }
         _ => {
             cx.error_help(at, format!("`{kind}` is no type of light"), did_you_mean(kind, &KINDS, "accepted"));
             return None;
         }
     };
-    if checked {
-        p.finish(cx);
-    }
+    p.finish(cx);
     if !placement.is_finite() {
         placement = DMat4::IDENTITY;
     }
-    Some(LightDescription { place, light_to_world: placement.as_mat4(), scale, power: None, kind, medium })
+    Some(LightDescription { place, light_to_world: placement.as_mat4(), scale, power, kind, medium })
 }
 
 fn distinct(cx: &mut Context, p: &Params, from: Vec3, to: Vec3) {
@@ -117,27 +130,31 @@ fn infinite(cx: &mut Context, images: &mut Images, p: &mut Params, scale: &mut f
     }
     let Some((path, spot)) = file else {
         *scale *= target(cx, p, "illuminance", PI);
-        return Some(LightKind::Constant { radiance: radiance.unwrap_or(WHITE) });
+        return Some(LightKind::Constant { radiance: radiance.unwrap_or_else(|| white(p.color_space)) });
     };
     if radiance.is_some() {
         let spot = p.spot_of("L");
         cx.error(spot, "an infinite light takes either `L` or `filename`, not both");
     }
     let image = images.load(cx, &path, spot, "sRGB")?;
+    square(cx, images, image, &path, spot, "an infinite light")?;
     let picture = &images.list[image];
-    if picture.width != picture.height {
+    *scale *= target(cx, p, "illuminance", upper_illuminance(picture));
+    Some(LightKind::Environment { image })
+}
+
+/// Checks that a picture of directions is square; `None` after an error.
+fn square(cx: &mut Context, images: &Images, image: ImageId, path: &str, spot: Spot, what: &str) -> Option<()> {
+    let (w, h) = (images.list[image].width, images.list[image].height);
+    if w != h {
         cx.error_help(
             spot,
-            format!(
-                "{path}: {} x {} pixels, but an infinite light takes a square picture",
-                picture.width, picture.height
-            ),
+            format!("{path}: {w} x {h} pixels, but {what} takes a square picture"),
             "pbrt-v4 uses the equal-area octahedral map; `imgtool makeequiarea` converts latitude-longitude pictures",
         );
         return None;
     }
-    *scale *= target(cx, p, "illuminance", upper_illuminance(picture));
-    Some(LightKind::Environment { image })
+    Some(())
 }
 
 /// Illuminance of a horizontal plane under an equal-area picture: the luminance integrated against the cosine over z > 0.
@@ -194,7 +211,7 @@ pub(crate) fn area_light(
     }
     let light = AreaLightDescription {
         place,
-        radiance: given.unwrap_or(WHITE),
+        radiance: given.unwrap_or_else(|| white(p.color_space)),
         scale: p.float(cx, "scale", 1.0),
         two_sided: p.bool(cx, "twosided", false),
         power: p.float_or_none(cx, "power").filter(|&power| power > 0.0),

@@ -123,9 +123,19 @@ fn make(
         .and_then(|(path, spot)| textures.images.load(cx, &path, spot, "linear"));
     let set = p.string(cx, "moonmilk.set").map(|s| s.0);
     let priority = p.integer_or_none(cx, "moonmilk.priority");
-    if displacement.is_some() || normal_map.is_some() {
-        cx.warn_once(p.spot, "displacement and normal maps are not supported yet: surfaces are left as they are");
-    }
+    let mapped = displacement.is_some() || normal_map.is_some();
+    let (displacement, normal_map) = if mapped && matches!(kind, Some(MaterialKind::Mix { .. })) {
+        cx.warn(
+            p.spot,
+            "a mix has no surface of its own, as in pbrt: give `displacement` and `normalmap` to its parts",
+        );
+        (None, None)
+    } else {
+        if displacement.is_some() && normal_map.is_some() {
+            cx.warn(p.spot, "`displacement` is not used beside `normalmap`, as in pbrt");
+        }
+        (displacement.filter(|_| normal_map.is_none()), normal_map)
+    };
     // pbrt does not look at the parameters of an interface.
     if checked && !matches!(kind, Some(MaterialKind::Interface)) {
         p.finish(cx);

@@ -5,7 +5,7 @@
 
 use std::sync::Arc;
 
-use moonmilk_core::{Vec2, Vec3};
+use moonmilk_core::{ColorSpace, Vec2, Vec3};
 
 use super::context::Context;
 use super::lexer::Spot;
@@ -87,6 +87,8 @@ pub(crate) struct Param {
     pub type_spot: Spot,
     /// The first value.
     pub value: Spot,
+    /// Space of an rgb value.
+    pub color_space: ColorSpace,
 }
 
 /// Accepted types where a spectrum or a texture of spectra may stand.
@@ -106,13 +108,27 @@ pub(crate) struct Params {
     own: Vec<Param>,
     used: Vec<bool>,
     attributes: Arc<Vec<Param>>,
+    /// Space of the entity's own colours, and of its default lights.
+    pub color_space: ColorSpace,
     asked: Vec<(&'static str, &'static [Type])>,
 }
 
 impl Params {
     pub(crate) fn new(entity: std::string::String, spot: Spot, own: Vec<Param>, attributes: Arc<Vec<Param>>) -> Self {
         let used = vec![false; own.len()];
-        Params { entity, spot, own, used, attributes, asked: Vec::new() }
+        Params { entity, spot, own, used, attributes, color_space: ColorSpace::Srgb, asked: Vec::new() }
+    }
+
+    /// As [`Params::new`], with colours in a space.
+    pub(crate) fn within(
+        space: ColorSpace,
+        entity: std::string::String,
+        spot: Spot,
+        mut own: Vec<Param>,
+        attributes: Arc<Vec<Param>>,
+    ) -> Self {
+        own.iter_mut().for_each(|p| p.color_space = space);
+        Params { color_space: space, ..Params::new(entity, spot, own, attributes) }
     }
 
     /// Finds a parameter: the last of that name in the list, else the last that `Attribute` set, as pbrt does.

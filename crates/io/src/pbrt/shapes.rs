@@ -1,8 +1,7 @@
 //! `Shape`: forms in object space.
 //!
-//! Bilinear patches become triangles: two per flat patch, 2 x 8 x 8 per twisted one. Without `uv` in the file, pbrt gives each
-//! patch its own parameters as texture coordinates; here a mesh of several patches then has none. Loop subdivision
-//! surfaces become the triangles of the asked level, moved to the limit surface, with its normals.
+//! Bilinear patches become triangles: two per flat patch, 2 x 8 x 8 per twisted one. Without `uv` in the file, each patch has its own
+//! parameters as texture coordinates, as in pbrt. Loop subdivision surfaces become the triangles of the asked level, moved to the limit surface, with its normals.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -29,6 +28,8 @@ pub(crate) struct Form {
     pub name: Arc<str>,
     pub geometry: Arc<GeometryDescription>,
     pub alpha: Option<Alpha>,
+    /// A displacement of a mesh, read as a bump map.
+    pub displacement: Option<(Arc<str>, Spot)>,
 }
 
 /// Meshes read from files, each once.
@@ -42,6 +43,7 @@ pub(crate) fn shape(cx: &mut Context, meshes: &mut Meshes, kind: &str, at: Spot,
     use GeometryDescription::{Cylinder, Disk, Sphere};
     let positive = |x: f32| x > 0.0;
     let mut name: Arc<str> = kind.into();
+    let mut displacement = None;
     let geometry = match kind {
         "sphere" => {
             let radius = p.float_in(cx, "radius", 1.0, positive, "(0, inf)");
@@ -75,9 +77,15 @@ pub(crate) fn shape(cx: &mut Context, meshes: &mut Meshes, kind: &str, at: Spot,
                 ("displacement.edgelength", &[Type::Float]),
                 ("displacement.uvscale", &[Type::Float]),
             ]);
-            if p.find("displacement", &[Type::Texture]).is_some() {
-                let spot = p.spot_of("displacement");
-                cx.warn(spot, "displacement of meshes is not supported yet: the mesh is left as it is");
+            if let Some(param) = p.find("displacement", &[Type::Texture]).cloned() {
+                match param.values {
+                    Values::Strings(names) if names.len() == 1 => {
+                        let message = "displacement of meshes is read as a bump map: normals move, the surface stays";
+                        cx.warn(param.value, message);
+                        displacement = Some((names[0].as_str().into(), param.value));
+                    }
+                    _ => cx.error(param.spot, "`displacement` takes the name of one texture"),
+                }
             }
             match p.string(cx, "filename") {
                 Some((path, spot)) => {
@@ -113,7 +121,7 @@ pub(crate) fn shape(cx: &mut Context, meshes: &mut Meshes, kind: &str, at: Spot,
         _ => None,
     };
     p.finish(cx);
-    Some(Form { name, geometry: geometry?, alpha })
+    Some(Form { name, geometry: geometry?, alpha, displacement })
 }
 
 fn sweep(cx: &mut Context, p: &mut Params) -> f32 {
@@ -202,12 +210,17 @@ fn bilinear_mesh(cx: &mut Context, p: &mut Params) -> Option<Arc<GeometryDescrip
         let spot = p.spot_of("emissionfilename");
         cx.warn(spot, "`emissionfilename` only steers sampling: it is not used");
     }
-    let patches = faces::<4>(cx, p, positions.len())?;
-    if uvs.is_empty() && patches.len() == 1 && positions.len() == 4 {
-        uvs = vec![Vec2::ZERO; 4];
-        for (&v, uv) in patches[0].iter().zip([Vec2::ZERO, Vec2::X, Vec2::Y, Vec2::ONE]) {
-            uvs[v as usize] = uv;
+    let mut patches = faces::<4>(cx, p, positions.len())?;
+    if uvs.is_empty() {
+        // Give each patch vertices of its own, with its parameters.
+        let own = |list: &[Vec3]| -> Vec<Vec3> { patches.iter().flatten().map(|&i| list[i as usize]).collect() };
+        positions = own(&positions);
+        if !normals.is_empty() {
+            normals = own(&normals);
         }
+        let count = patches.len() as u32;
+        uvs = patches.iter().flat_map(|_| [Vec2::ZERO, Vec2::X, Vec2::Y, Vec2::ONE]).collect();
+        patches = (0..count).map(|i| std::array::from_fn(|k| 4 * i + k as u32)).collect();
     }
     let mut indices = Vec::with_capacity(2 * patches.len());
     for patch in patches {

@@ -1,6 +1,7 @@
 //! Spectra in parameters: `rgb`, `blackbody`, inline samples, names of standard spectra, `.spd` files.
 
 use moonmilk_core::Spectra;
+use moonmilk_core::color_space::{ColorSpace, into_gamut};
 use moonmilk_core::named::NAMES;
 use moonmilk_render::description::SpectrumDescription;
 
@@ -49,7 +50,7 @@ pub(crate) fn describe(cx: &mut Context, param: &Param, role: Role) -> Option<Sp
                 cx.error(param.value, format!("`{name}` is an albedo; its components must be within [0, 1]"));
                 return None;
             }
-            Some(SpectrumDescription::Rgb(rgb))
+            Some(SpectrumDescription::Rgb(to_srgb(cx, rgb, param.color_space, role, param.value)))
         }
         (Values::Floats(v), Type::Blackbody) => match v.as_slice() {
             [kelvin] if *kelvin > 0.0 => Some(SpectrumDescription::Blackbody(*kelvin)),
@@ -80,6 +81,37 @@ pub(crate) fn describe(cx: &mut Context, param: &Param, role: Role) -> Option<Sp
         },
         _ => None,
     }
+}
+
+/// A colour of some space in linear sRGB; one that sRGB lacks is desaturated, with a warning.
+fn to_srgb(cx: &mut Context, rgb: [f32; 3], space: ColorSpace, role: Role, spot: Spot) -> [f32; 3] {
+    if space == ColorSpace::Srgb {
+        return rgb;
+    }
+    let (converted, most) = match role {
+        Role::Illuminant => (space.light_to_srgb(rgb), f32::INFINITY),
+        // A texture's colour may turn out to be an albedo: what was within [0, 1] stays within it.
+        Role::Unbounded if rgb.iter().any(|&c| c > 1.0) => (space.reflectance_to_srgb(rgb), f32::INFINITY),
+        Role::Unbounded | Role::Albedo => (space.reflectance_to_srgb(rgb), 1.0),
+    };
+    let (inside, changed) = into_gamut(converted, most);
+    if changed {
+        let [r, g, b] = rgb;
+        let message = format!(
+            "colour ({r} {g} {b}) of {} lies outside sRGB: it is desaturated at constant luminance to ({:.4} {:.4} {:.4})",
+            space.name(),
+            inside[0],
+            inside[1],
+            inside[2]
+        );
+        cx.warn(spot, message);
+    }
+    inside
+}
+
+/// The light that a colour space calls white: the default of pbrt's lights.
+pub(crate) fn white(space: ColorSpace) -> SpectrumDescription {
+    SpectrumDescription::Rgb(into_gamut(space.light_to_srgb([1.0; 3]), f32::INFINITY).0)
 }
 
 fn samples(cx: &mut Context, values: &[f32], spot: Spot, what: &str) -> Option<Vec<(f32, f32)>> {
@@ -125,7 +157,7 @@ fn named_or_file(cx: &mut Context, name: &str, spot: Spot) -> Option<SpectrumDes
 }
 
 /// The numbers of a `.spd` file: blank-separated, `#` starts a comment. `Err`: the line of the first other word.
-fn read_spd(bytes: &[u8]) -> Result<Vec<f32>, usize> {
+pub(crate) fn read_spd(bytes: &[u8]) -> Result<Vec<f32>, usize> {
     let mut out = Vec::new();
     for (i, line) in bytes.split(|&b| b == b'\n').enumerate() {
         let line = line.split(|&b| b == b'#').next().unwrap_or_default();
@@ -138,6 +170,3 @@ fn read_spd(bytes: &[u8]) -> Result<Vec<f32>, usize> {
     }
     Ok(out)
 }
-
-/// Reflected or emitted "white": the default of pbrt's lights is the colour space's illuminant.
-pub(crate) const WHITE: SpectrumDescription = SpectrumDescription::Rgb([1.0; 3]);

@@ -38,22 +38,25 @@ pub(crate) struct Textures {
     spectrum_constants: HashMap<String, SpectrumTextureId>,
 }
 
-/// Classes of textures that pbrt knows.
-const CLASSES: [&str; 13] = [
-    "constant",
-    "scale",
-    "mix",
-    "directionmix",
-    "checkerboard",
-    "imagemap",
-    "bilerp",
-    "dots",
-    "fbm",
-    "marble",
-    "ptex",
-    "windy",
-    "wrinkled",
+/// Classes of textures that pbrt knows, with whether they exist as float and as spectrum textures.
+const CLASSES: [(&str, bool, bool); 13] = [
+    ("constant", true, true),
+    ("scale", true, true),
+    ("mix", true, true),
+    ("directionmix", true, true),
+    ("checkerboard", true, true),
+    ("imagemap", true, true),
+    ("bilerp", true, true),
+    ("dots", true, true),
+    ("fbm", true, false),
+    ("marble", false, true),
+    ("ptex", true, true),
+    ("windy", true, false),
+    ("wrinkled", true, false),
 ];
+
+/// Most octaves of noise: the 64th has 10^18 times the frequency of the first, far beyond single precision.
+const MAX_OCTAVES: u32 = 64;
 
 impl Textures {
     /// The constant texture of `value`, shared by all who use it.
@@ -191,7 +194,7 @@ impl Textures {
                 self.floats.push(texture);
                 self.float_names.insert(entity.name, self.floats.len() - 1);
             }
-            if CLASSES.contains(&entity.class.0.as_str()) {
+            if CLASSES.iter().any(|c| c.0 == entity.class.0 && (if entity.spectrum { c.2 } else { c.1 })) {
                 entity.params.finish(cx);
             }
         }
@@ -209,13 +212,8 @@ impl Textures {
                 amount: self.float(cx, p, "amount", 0.5),
             },
             "directionmix" => {
-                cx.warn(spot, "float textures of class `directionmix` are not supported yet: the mean of its two textures is used");
-                p.ignore(&[("dir", &[Type::Vector3])]);
-                FloatTexture::Mix {
-                    a: self.float(cx, p, "tex1", 0.0),
-                    b: self.float(cx, p, "tex2", 1.0),
-                    amount: self.constant(0.5),
-                }
+                let dir = direction(cx, p, entity.to_world);
+                FloatTexture::DirectionMix { a: self.float(cx, p, "tex2", 1.0), b: self.float(cx, p, "tex1", 0.0), dir }
             }
             "checkerboard" => FloatTexture::Checkerboard {
                 mapping: checker_mapping(cx, p, entity.to_world),
@@ -233,25 +231,26 @@ impl Textures {
                 },
                 None => FloatTexture::Constant(0.5),
             },
-            "dots" => {
-                stand_in(cx, spot, &class);
-                let _ = mapping(cx, p, entity.to_world);
-                FloatTexture::Mix {
-                    a: self.float(cx, p, "outside", 0.0),
-                    b: self.float(cx, p, "inside", 1.0),
-                    amount: self.constant(DOTS_SHARE),
+            "dots" => FloatTexture::Dots {
+                mapping: mapping(cx, p, entity.to_world),
+                inside: self.float(cx, p, "inside", 1.0),
+                outside: self.float(cx, p, "outside", 0.0),
+            },
+            "bilerp" => FloatTexture::Bilerp {
+                mapping: mapping(cx, p, entity.to_world),
+                v: CORNERS.map(|(name, default)| p.float(cx, name, default)),
+            },
+            "fbm" | "wrinkled" => {
+                let to_texture = entity.to_world.inverse().as_mat4();
+                let (octaves, roughness) = noise(cx, p);
+                match class.as_str() {
+                    "fbm" => FloatTexture::Fbm { to_texture, octaves, roughness },
+                    _ => FloatTexture::Wrinkled { to_texture, octaves, roughness },
                 }
             }
-            "bilerp" => {
-                stand_in(cx, spot, &class);
-                let _ = mapping(cx, p, entity.to_world);
-                let corners = [("v00", 0.0), ("v01", 1.0), ("v10", 0.0), ("v11", 1.0)];
-                FloatTexture::Constant(
-                    corners.map(|(name, default)| p.float(cx, name, default)).iter().sum::<f32>() / 4.0,
-                )
-            }
+            "windy" => FloatTexture::Windy(entity.to_world.inverse().as_mat4()),
             _ => {
-                unsupported(cx, spot, &class, p);
+                unsupported(cx, spot, &class, false, p);
                 FloatTexture::Constant(0.5)
             }
         }
@@ -275,8 +274,7 @@ impl Textures {
                 amount: self.float(cx, p, "amount", 0.5),
             },
             "directionmix" => {
-                let dir = p.vec3(cx, "dir", &[Type::Vector3], Vec3::Y);
-                let dir = entity.to_world.as_mat4().transform_vector3(dir).normalize_or(Vec3::Y);
+                let dir = direction(cx, p, entity.to_world);
                 // pbrt weighs the first texture by |n . dir|, so it is the one "along".
                 SpectrumTexture::DirectionMix {
                     a: self.spectrum(cx, p, "tex2", role, Constant(1.0)),
@@ -300,38 +298,27 @@ impl Textures {
                 },
                 None => SpectrumTexture::Constant(Constant(0.5)),
             },
-            "dots" => {
-                stand_in(cx, spot, &class);
-                let _ = mapping(cx, p, entity.to_world);
-                SpectrumTexture::Mix {
-                    a: self.spectrum(cx, p, "outside", role, Constant(0.0)),
-                    b: self.spectrum(cx, p, "inside", role, Constant(1.0)),
-                    amount: self.constant(DOTS_SHARE),
+            "dots" => SpectrumTexture::Dots {
+                mapping: mapping(cx, p, entity.to_world),
+                inside: self.spectrum(cx, p, "inside", role, Constant(1.0)),
+                outside: self.spectrum(cx, p, "outside", role, Constant(0.0)),
+            },
+            "bilerp" => SpectrumTexture::Bilerp {
+                mapping: mapping(cx, p, entity.to_world),
+                v: CORNERS.map(|(name, default)| self.spectrum(cx, p, name, role, Constant(default))),
+            },
+            "marble" => {
+                let (octaves, roughness) = noise(cx, p);
+                SpectrumTexture::Marble {
+                    to_texture: entity.to_world.inverse().as_mat4(),
+                    octaves,
+                    roughness,
+                    scale: p.float(cx, "scale", 1.0),
+                    variation: p.float(cx, "variation", 0.2),
                 }
             }
-            "bilerp" => {
-                stand_in(cx, spot, &class);
-                let _ = mapping(cx, p, entity.to_world);
-                let [a, b, c, d] = [("v00", 0.0), ("v01", 1.0), ("v10", 0.0), ("v11", 1.0)]
-                    .map(|(n, v)| self.spectrum(cx, p, n, role, Constant(v)));
-                let half = self.constant(0.5);
-                self.spectra.push(SpectrumTexture::Mix { a, b, amount: half });
-                self.spectra.push(SpectrumTexture::Mix { a: c, b: d, amount: half });
-                SpectrumTexture::Mix { a: self.spectra.len() - 2, b: self.spectra.len() - 1, amount: half }
-            }
-            "marble" => {
-                stand_in(cx, spot, &class);
-                p.ignore(&[
-                    ("octaves", &[Type::Integer]),
-                    ("roughness", &[Type::Float]),
-                    ("scale", &[Type::Float]),
-                    ("variation", &[Type::Float]),
-                ]);
-                // 1.5 times the middle of the colours that pbrt's spline runs through.
-                SpectrumTexture::Constant(SpectrumDescription::Rgb([0.81, 0.81, 0.84]))
-            }
             _ => {
-                unsupported(cx, spot, &class, p);
+                unsupported(cx, spot, &class, true, p);
                 SpectrumTexture::Constant(Constant(0.5))
             }
         }
@@ -342,6 +329,7 @@ impl Textures {
         let wrap = match p.choice(cx, "wrap", &["repeat", "black", "clamp", "octahedralsphere"]) {
             "black" => Wrap::Black,
             "clamp" => Wrap::Clamp,
+            "octahedralsphere" => Wrap::Octahedral,
             _ => Wrap::Repeat,
         };
         // Filters over the footprint of a pixel have no meaning for a converged picture; all but `point` are bilinear.
@@ -369,28 +357,44 @@ struct ImageUse {
     bilinear: bool,
 }
 
-/// Share of the plane that pbrt's dots cover: half of the cells hold one of radius 0.35.
-const DOTS_SHARE: f32 = 0.5 * std::f32::consts::PI * 0.35 * 0.35;
+/// Corners of a bilinear texture with pbrt's defaults, in the order of the description.
+const CORNERS: [(&str, f32); 4] = [("v00", 0.0), ("v10", 0.0), ("v01", 1.0), ("v11", 1.0)];
 
-fn stand_in(cx: &mut Context, spot: Spot, class: &str) {
-    cx.warn(spot, format!("textures of class `{class}` are not supported yet: their mean value is used"));
+/// Octaves of a noise and the factor from one to the next.
+fn noise(cx: &mut Context, p: &mut Params) -> (u32, f32) {
+    let octaves = p.integer(cx, "octaves", 8, 0);
+    if octaves > MAX_OCTAVES {
+        let spot = p.spot_of("octaves");
+        cx.error(spot, format!("octaves = {octaves} is outside [0, {MAX_OCTAVES}]"));
+    }
+    (octaves.min(MAX_OCTAVES), p.float(cx, "roughness", 0.5))
+}
+
+/// The world direction of a mix by direction.
+fn direction(cx: &mut Context, p: &mut Params, to_world: DMat4) -> Vec3 {
+    let dir = p.vec3(cx, "dir", &[Type::Vector3], Vec3::Y);
+    to_world.as_mat4().transform_vector3(dir).try_normalize().unwrap_or_else(|| {
+        let spot = p.spot_of("dir");
+        cx.error(spot, "`dir` has no direction");
+        Vec3::Y
+    })
 }
 
 /// A class that is known but not made, or not known at all.
-fn unsupported(cx: &mut Context, spot: Spot, class: &str, p: &mut Params) {
-    if CLASSES.contains(&class) {
-        cx.warn(spot, format!("textures of class `{class}` are not supported yet: the constant 0.5 is used"));
-        p.ignore(&[
-            ("octaves", &[Type::Integer]),
-            ("roughness", &[Type::Float]),
-            ("filename", &[Type::String]),
-            ("encoding", &[Type::String]),
-            ("scale", &[Type::Float]),
-            ("variation", &[Type::Float]),
-        ]);
-    } else {
-        cx.error_help(spot, format!("`{class}` is no class of textures"), did_you_mean(class, &CLASSES, "accepted"));
+fn unsupported(cx: &mut Context, spot: Spot, class: &str, spectrum: bool, p: &mut Params) {
+    if class == "ptex" {
+        cx.warn(spot, "textures of class `ptex` are not supported: the constant 0.5 is used");
+        p.ignore(&[("filename", &[Type::String]), ("encoding", &[Type::String]), ("scale", &[Type::Float])]);
+        return;
     }
+    let (kind, other) = if spectrum { ("spectrum", "float") } else { ("float", "spectrum") };
+    let names: Vec<&str> = CLASSES.iter().filter(|c| if spectrum { c.2 } else { c.1 }).map(|c| c.0).collect();
+    let help = if CLASSES.iter().any(|c| c.0 == class) {
+        format!("it exists as {other} texture only; accepted: {}", names.join(", "))
+    } else {
+        did_you_mean(class, &names, "accepted")
+    };
+    cx.error_help(spot, format!("`{class}` is no class of {kind} textures"), help);
 }
 
 fn mapping(cx: &mut Context, p: &mut Params, to_world: DMat4) -> TextureMapping {

@@ -24,8 +24,15 @@
 //!
 //! If wo itself is on different sides of the normals, step 1 rejects, as a refraction with probability 1 - F(|wo . ng|) =: r(wo).
 //!
-//! Normals farther than 5 degrees apart (scans, coarse or creased meshes) are brought to 5 degrees first: the share that crosses is off by
-//! the square of the angle, and beyond that the interpolated normal describes no surface near the triangle anyway.
+//! Interpolated normals farther than 5 degrees from the face's (scans, coarse or creased meshes) are brought to 5 degrees first ([`near`]): the
+//! share that crosses is off by the square of the angle, and beyond that the interpolated normal describes no surface near the triangle.
+//!
+//! # Normal and displacement maps
+//! A map says what the surface is like below the resolution of the mesh; its normal is `ns` of the rule, applied to the interpolated normal (after
+//! [`near`]) and not bounded. So a mapped glass keeps the furnace white and can be reversed at any tilt (the proof asks for none); what the map
+//! changes is where light goes. The price: at a tilt of 10, 20, 40 degrees step 1 rejects 8, 17, 37 % of isotropic light from outside at index
+//! 1.5, which then leaves with another azimuth, and .87, .79, .61 of the light cross instead of .91 (test): a steep map reflects too much, as
+//! one whose facets shade each other. Steep relief belongs into the geometry.
 //!
 //! # Proof
 //! *Step 1.* Mirror image and refraction are involutions, so the reverse of each event is the same kind of event from
@@ -158,9 +165,10 @@ struct Surface {
 /// .6 % (+- .1 %) below Mitsuba's.
 const NEAR: f32 = 0.996_195;
 
-/// Returns ns, turned back to [`NEAR`] of ng if it is farther: what the rule gets wrong grows with the square of that angle.
+/// Returns an interpolated normal ns, turned back to 5 degrees from ng if it is farther: what the rule gets wrong grows with the square of that
+/// angle.
 #[inline]
-fn near(ng: Vec3, ns: Vec3) -> Vec3 {
+pub fn near(ng: Vec3, ns: Vec3) -> Vec3 {
     let c = ns.dot(ng);
     if c >= NEAR {
         return ns;
@@ -232,7 +240,7 @@ impl Surface {
 /// Draws one to three variates.
 #[inline]
 pub fn cross(wo: Vec3, ng: Vec3, ns: Vec3, eta: f32, u: &mut impl Random) -> Crossing {
-    let s = Surface { ng, ns: near(ng, ns), eta };
+    let s = Surface { ng, ns, eta };
     // Step 1: the event of the shading normal.
     let (reflected, r_o) = match s.first(wo) {
         Some(first) => {
@@ -263,7 +271,7 @@ pub fn cross(wo: Vec3, ng: Vec3, ns: Vec3, eta: f32, u: &mut impl Random) -> Cro
 /// Returns the exact probabilities of the four outcomes between which [`cross`] chooses: mirror image and refraction of `ns`, the crossing
 /// of step 2, the reflection of step 3. Impossible outcomes have probability 0 (and then an arbitrary direction).
 pub fn branches(wo: Vec3, ng: Vec3, ns: Vec3, eta: f32) -> [(f32, Crossing); 4] {
-    let s = Surface { ng, ns: near(ng, ns), eta };
+    let s = Surface { ng, ns, eta };
     let aside = Crossing::Reflected(s.mirrored(wo));
     let mut out = [(0.0, aside); 4];
     let (r_reflection, r_o) = match s.first(wo) {
@@ -339,8 +347,6 @@ mod tests {
         let (mut tested, mut worst) = ([0u32; 4], 0.0f32);
         for _ in 0..300_000 {
             let (ng, ns, eta, wo) = setup(&mut u);
-            // The rule sees the normal that it has brought near.
-            let ns = super::near(ng, ns);
             let out = branches(wo, ng, ns, eta);
             for k in 0..4 {
                 let (p, c) = out[k];
@@ -450,6 +456,43 @@ mod tests {
             // Measured and rounded up: the largest tilt is 0.07.
             assert!(second < 0.01 && third < 0.05 && residual < 0.005, "{second} {third} {residual}");
             assert!((through - fresnel).abs() < 0.006, "{through} {fresnel}");
+        }
+    }
+
+    #[test]
+    fn interpolated_normals_come_within_five_degrees() {
+        let mut u = Stream::new(&[16]);
+        for _ in 0..10_000 {
+            let (ng, ns) = (unit(&mut u), unit(&mut u));
+            let n = near(ng, ns);
+            // Rounding of f32 cosines near 1 is 1e-4 of an angle of 5 degrees.
+            assert!((n.length() - 1.0).abs() < 1e-6 && n.dot(ng) > NEAR - 1e-6, "{n}");
+            if ns.dot(ng) >= NEAR {
+                assert_eq!(n, ns);
+            } else {
+                assert!(n.cross(ng).dot(ns.cross(ng)) >= -1e-6, "it turns the short way");
+            }
+        }
+    }
+
+    #[test]
+    fn a_mapped_normal_sends_most_light_where_it_points() {
+        // Isotropic light from outside on a plane whose map tilts the normal: what step 1 rejects, in percent, and the transmitted share.
+        let mut u = Stream::new(&[17]);
+        for (degrees, most, least) in [(10.0f32, 8.8, 0.863), (20.0, 17.8, 0.788), (40.0, 37.5, 0.606)] {
+            let (ng, ns) = (Vec3::Z, Vec3::new(degrees.to_radians().sin(), 0.0, degrees.to_radians().cos()));
+            let (mut rejected, mut through, mut total) = (0.0, 0.0, 0.0);
+            for _ in 0..50_000 {
+                let wo = (ng + unit(&mut u)).normalize();
+                let b = branches(wo, ng, ns, 1.5);
+                total += 1.0;
+                rejected += b[2].0 + b[3].0;
+                through += b[1].0 + b[2].0;
+            }
+            let (rejected, through) = (100.0 * rejected / total, through / total);
+            eprintln!("tilt {degrees}: {rejected:.1} % rejected, {through:.4} through (Fresnel .9078)");
+            // Measured and rounded up.
+            assert!(rejected < most && through > least, "{degrees}: {rejected} %, {through}");
         }
     }
 }

@@ -4,6 +4,7 @@ use std::f32::consts::PI;
 
 use moonmilk_core::glam::Mat3;
 use moonmilk_core::{Frame, Mat4, Vec2, Vec3};
+use moonmilk_geometry::{Quadric, QuadricKind};
 
 use super::error::LightError;
 use super::surface::Surface;
@@ -17,33 +18,39 @@ pub const DEFAULT_UVS: [Vec2; 3] = [Vec2::ZERO, Vec2::X, Vec2::ONE];
 
 /// Returns the surfaces of a shape in world space, one per triangle of a mesh in its order, else a single one.
 ///
-/// Fronts follow pbrt-v4: the cross product of a triangle's edges, or the outside of a sphere, or +z of a disk, turned over by
-/// `ReverseOrientation` (for triangles also by a transform that mirrors); where vertex normals exist, their side.
+/// Fronts follow pbrt-v4: the cross product of a triangle's edges, or the outside of a sphere or cylinder, or +z of a disk, turned over by
+/// `ReverseOrientation` (for triangles also by a transform that mirrors); where vertex normals exist, their side. A mirrored quadric
+/// shines outwards, as its normals point.
 ///
-/// *Errors*: partial or squashed spheres, squashed disks and cylinders, which have no sampling of their own here: turn them into triangles.
+/// *Errors*: transforms that are singular.
 pub fn surfaces_of(shape: &ShapeDescription) -> Result<Vec<Surface>, LightError> {
     let m = &shape.object_to_world;
     let linear = Mat3::from_mat4(*m);
     let reverse = if shape.reverse_orientation { -1.0 } else { 1.0 };
-    let unsupported = |reason| LightError::Shape { place: shape.place.clone(), name: shape.name.clone(), reason };
+    // Forms without a sampling of their own.
+    let other = || {
+        let form = shape.geometry.quadric().and_then(|kind| Quadric::new(kind, m));
+        let form = form.ok_or_else(|| LightError::Shape { place: shape.place.clone(), name: shape.name.clone() })?;
+        Ok(vec![Surface::Quadric { form: Box::new(form), inward: shape.reverse_orientation, turned: false }])
+    };
     match shape.geometry.as_ref() {
         GeometryDescription::Mesh { positions, normals, uvs, indices } => {
             Ok(triangles(m, &linear, reverse, (positions, normals, uvs, indices)))
         }
         GeometryDescription::Sphere { radius, z_min, z_max, phi_max } => {
-            let (scale, frame) = similarity(&linear).ok_or_else(|| unsupported("its transform is not a similarity"))?;
-            if *z_min > -radius || *z_max < *radius || *phi_max < 360.0 {
-                return Err(unsupported("only whole spheres are supported"));
-            }
+            let whole = *z_min <= -radius && *z_max >= *radius && *phi_max >= 360.0;
+            let Some((scale, frame)) = similarity(&linear).filter(|_| whole) else {
+                return other();
+            };
             let (center, radius) = (m.w_axis.truncate(), radius * scale);
-            Ok(vec![Surface::Sphere { center, radius, frame, inward: shape.reverse_orientation }])
+            Ok(vec![Surface::Sphere { center, radius, frame, inward: shape.reverse_orientation, turned: false }])
         }
         GeometryDescription::Disk { height, radius, inner_radius, phi_max } => {
             let (x, y) = (linear.x_axis, linear.y_axis);
             let scale = x.length();
             if scale == 0.0 || (y.length() - scale).abs() > SIMILAR * scale || x.dot(y).abs() > SIMILAR * scale * scale
             {
-                return Err(unsupported("its transform squashes the disk"));
+                return other();
             }
             let up = x.cross(y).normalize();
             let frame = Frame { s: x / scale, t: y / scale, n: up };
@@ -58,7 +65,35 @@ pub fn surfaces_of(shape: &ShapeDescription) -> Result<Vec<Surface>, LightError>
                 phi_max: phi_max.to_radians().min(2.0 * PI),
             }])
         }
-        GeometryDescription::Cylinder { .. } => Err(unsupported("cylinders are not supported as lights")),
+        GeometryDescription::Cylinder { .. } => other(),
+    }
+}
+
+impl GeometryDescription {
+    /// Returns the quadric that is described, `None` for a mesh.
+    pub(crate) fn quadric(&self) -> Option<QuadricKind> {
+        let degrees = |x: f32| f64::from(x).to_radians();
+        match *self {
+            Self::Mesh { .. } => None,
+            Self::Sphere { radius, z_min, z_max, phi_max } => Some(QuadricKind::Sphere {
+                radius: radius.into(),
+                z_min: z_min.into(),
+                z_max: z_max.into(),
+                phi_max: degrees(phi_max),
+            }),
+            Self::Disk { height, radius, inner_radius, phi_max } => Some(QuadricKind::Disk {
+                height: height.into(),
+                radius: radius.into(),
+                inner_radius: inner_radius.into(),
+                phi_max: degrees(phi_max),
+            }),
+            Self::Cylinder { radius, z_min, z_max, phi_max } => Some(QuadricKind::Cylinder {
+                radius: radius.into(),
+                z_min: z_min.into(),
+                z_max: z_max.into(),
+                phi_max: degrees(phi_max),
+            }),
+        }
     }
 }
 

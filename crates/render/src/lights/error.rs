@@ -52,14 +52,12 @@ pub enum LightError {
         /// Where the light was defined.
         place: Place,
     },
-    /// A shape of this form cannot emit.
-    #[error("{place}: {name} cannot emit light: {reason}")]
+    /// A shape has no area to emit from.
+    #[error("{place}: {name} cannot emit light: its transform is singular")]
     Shape {
         /// Where the shape was defined.
         place: Place,
         /// Its name.
         name: String,
-        /// What is not supported.
-        reason: &'static str,
     },
 }

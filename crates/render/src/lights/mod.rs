@@ -42,7 +42,9 @@ use environment::{Environment, PictureLight};
 use punctual::{Distant, Punctual};
 use tree::LightTree;
 
-use crate::description::{AreaLightDescription, ImageId, LightDescription, LightKind, SceneDescription};
+use crate::description::{
+    AreaLightDescription, FloatTexture, FloatTextureId, ImageId, LightDescription, LightKind, SceneDescription,
+};
 
 /// Share of the samples that goes to the groups in equal parts: bounds the loss where the estimates of irradiance are bad.
 const EQUAL_SHARE: f64 = 0.5;
@@ -62,8 +64,19 @@ pub struct Lights {
 
 #[derive(Debug)]
 enum Placed {
-    Surface { surface: Surface, emission: u32, two_sided: bool },
+    Surface { surface: Surface, emission: u32, two_sided: bool, cut: Cut },
     Punctual(Punctual),
+}
+
+/// How much of a light's surface is there.
+#[derive(Clone, Copy, Debug)]
+enum Cut {
+    /// All of it.
+    Whole,
+    /// By an opacity.
+    Alpha(FloatTextureId),
+    /// No ray finds it: an opacity of 0 everywhere makes an invisible lamp, as in pbrt-v4.
+    Hidden,
 }
 
 /// A direction in which light may arrive, and how it was chosen.
@@ -83,14 +96,18 @@ pub struct LightSample<const N: usize> {
     pub light: u32,
     /// The point of the light; meaningless if `distance` is infinite.
     pub point: Vec3,
-    /// Texture coordinates of that point, for cut-outs: where the light's shape has an `alpha`, multiply by it.
+    /// Texture coordinates of that point.
     pub uv: Vec2,
+    /// Normal of the emitting side there.
+    pub front: Vec3,
+    /// Opacity of the light's surface: the sample counts with its value at the point.
+    pub alpha: Option<FloatTextureId>,
 }
 
 impl Lights {
     /// Builds the lights of a scene from its shapes' own geometry, see [`surfaces_of`].
     ///
-    /// *Errors*: invalid spectra, factors and pictures; emitting shapes of unsupported form.
+    /// *Errors*: invalid spectra, factors and pictures; emitting shapes without area.
     pub fn of_scene(scene: &SceneDescription) -> Result<Self, LightError> {
         let emitting = scene.shapes.iter().enumerate().filter(|(_, s)| s.area_light.is_some());
         let surfaces = emitting.map(|(i, s)| Ok((i, surfaces_of(s)?))).collect::<Result<Vec<_>, LightError>>()?;
@@ -108,9 +125,10 @@ impl Lights {
         let mut lights = Self { first_of_shape: vec![None; scene.shapes.len()], ..Self::default() };
         let mut pictures = HashMap::new();
         for (shape, surfaces) in surfaces {
-            if let Some(light) = scene.shapes.get(shape).and_then(|s| s.area_light.as_ref()) {
+            let Some(s) = scene.shapes.get(shape) else { continue };
+            if let Some(light) = &s.area_light {
                 lights.first_of_shape[shape] = Some(lights.placed.len() as u32);
-                lights.add_surfaces(scene, light, surfaces, &mut pictures)?;
+                lights.add_surfaces(scene, light, surfaces, s.alpha, &mut pictures)?;
             }
         }
         for light in &scene.lights {
@@ -121,7 +139,7 @@ impl Lights {
             .placed
             .iter()
             .map(|l| match l {
-                Placed::Surface { surface, emission, two_sided } => {
+                Placed::Surface { surface, emission, two_sided, .. } => {
                     Some(surface.bounds(means[*emission as usize], *two_sided))
                 }
                 Placed::Punctual(p) => Some(p.bounds()),
@@ -136,6 +154,7 @@ impl Lights {
         scene: &SceneDescription,
         light: &AreaLightDescription,
         surfaces: Vec<Surface>,
+        alpha: Option<FloatTextureId>,
         pictures: &mut HashMap<ImageId, Arc<Picture>>,
     ) -> Result<(), LightError> {
         let area: f64 = surfaces.iter().map(Surface::area).sum();
@@ -157,15 +176,25 @@ impl Lights {
         };
         let number = self.emissions.len() as u32;
         self.emissions.push(emission);
-        let placed = |surface| Placed::Surface { surface, emission: number, two_sided: light.two_sided };
+        let cut = match alpha {
+            None => Cut::Whole,
+            Some(id) => match scene.float_textures.get(id) {
+                Some(FloatTexture::Constant(a)) if *a <= 0.0 => Cut::Hidden,
+                _ => Cut::Alpha(id),
+            },
+        };
+        let placed = |surface| Placed::Surface { surface, emission: number, two_sided: light.two_sided, cut };
         self.placed.extend(surfaces.into_iter().map(placed));
         Ok(())
     }
 
     fn add_light(&mut self, scene: &SceneDescription, light: &LightDescription) -> Result<(), LightError> {
         match &light.kind {
-            LightKind::Point { .. } | LightKind::Spot { .. } => {
-                self.placed.push(Placed::Punctual(Punctual::new(light)?))
+            LightKind::Point { .. }
+            | LightKind::Spot { .. }
+            | LightKind::Goniometric { .. }
+            | LightKind::Projection { .. } => {
+                self.placed.push(Placed::Punctual(Punctual::new(light, &scene.images)?));
             }
             LightKind::Distant { .. } => self.distant.push(Distant::new(light)?),
             LightKind::Constant { radiance } => {
@@ -251,7 +280,7 @@ impl Lights {
         let (light, probability) = self.tree.sample(p, n, choice)?;
         let probability = share * f64::from(probability);
         match &self.placed[light as usize] {
-            Placed::Surface { surface, emission, two_sided } => {
+            Placed::Surface { surface, emission, two_sided, cut } => {
                 let s = surface.sample(p, u)?;
                 if !two_sided && s.front.dot(s.wi) >= 0.0 {
                     return None;
@@ -263,10 +292,12 @@ impl Lights {
                     wi: s.wi,
                     distance: s.distance,
                     pdf,
-                    is_delta: false,
+                    is_delta: matches!(cut, Cut::Hidden),
                     light,
                     point: s.point,
                     uv: s.uv,
+                    front: s.front,
+                    alpha: if let Cut::Alpha(id) = cut { Some(*id) } else { None },
                 })
             }
             Placed::Punctual(lamp) => {
@@ -280,6 +311,8 @@ impl Lights {
                     light,
                     point: lamp.position(),
                     uv: Vec2::ZERO,
+                    front: -wi,
+                    alpha: None,
                 })
             }
         }
@@ -338,8 +371,8 @@ impl Lights {
 
     /// Returns the radiance that leaves a light's surface at texture coordinates `uv` towards the unit direction `w_out`.
     ///
-    /// `ng` is the normal of the emitting side (outward, or inward with `ReverseOrientation`); it decides for spheres only, flat
-    /// surfaces know their front.
+    /// `ng` is the normal of the hit; it decides for curved surfaces only, flat ones know their front. A hidden lamp (opacity 0) is not
+    /// to be asked: no path stops at it.
     pub fn emitted<const N: usize>(
         &self,
         light: u32,
@@ -349,7 +382,7 @@ impl Lights {
         wavelengths: &Wavelengths<N>,
     ) -> Spectrum<N> {
         match self.placed.get(light as usize) {
-            Some(Placed::Surface { surface, emission, two_sided })
+            Some(Placed::Surface { surface, emission, two_sided, .. })
                 if *two_sided || surface.emits_towards(w_out, ng) =>
             {
                 self.emissions[*emission as usize].at(uv, wavelengths)
@@ -420,6 +453,8 @@ fn at_infinity<const N: usize>(radiance: Spectrum<N>, wi: Vec3, pdf: f32, is_del
         light: u32::MAX,
         point: Vec3::ZERO,
         uv: Vec2::ZERO,
+        front: -wi,
+        alpha: None,
     })
 }
 

@@ -1,13 +1,19 @@
-//! Lights without extent: points, spots and parallel light.
+//! Lights without extent: points, spots, goniometric and projection lights, and parallel light.
+//!
+//! A goniometric light multiplies its intensity by a picture over the sphere of directions; a projection light throws a picture like a slide
+//! projector. Both take the colour of the nearest pixel, as pbrt-v4 (`lights.cpp`).
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
+use moonmilk_core::glam::Mat3;
+use moonmilk_core::upsampling::sample_unbounded;
 use moonmilk_core::{DVec3, Spectra, Spectrum, Vec3, Wavelengths};
 
 use super::bounds::LightBounds;
-use super::emission::{checked, emission, factor, mean_of};
+use super::emission::{LUMINANCE, Picture, checked, emission, factor, mean_of};
 use super::error::LightError;
-use crate::description::{LightDescription, LightKind, SpectrumDescription};
+use super::octahedral::square_of;
+use crate::description::{ImageDescription, LightDescription, LightKind, SpectrumDescription};
 
 /// Returns where a light is in world space, if it is at a point.
 pub fn position(light: &LightDescription) -> Option<Vec3> {
@@ -15,18 +21,71 @@ pub fn position(light: &LightDescription) -> Option<Vec3> {
         LightKind::Point { from, .. } | LightKind::Spot { from, .. } => {
             Some(light.light_to_world.transform_point3(*from))
         }
+        LightKind::Goniometric { .. } | LightKind::Projection { .. } => Some(light.light_to_world.w_axis.truncate()),
         _ => None,
     }
 }
 
-/// A point or spot light.
+/// A light at a point.
 #[derive(Debug)]
 pub struct Punctual {
     position: Vec3,
     intensity: Spectra,
     mean: f64,
-    /// Axis and edges of a spot.
-    cone: Option<Cone>,
+    pattern: Pattern,
+}
+
+/// How the intensity depends on the direction.
+#[derive(Debug)]
+enum Pattern {
+    /// Not at all.
+    Even,
+    /// A spot.
+    Cone(Cone),
+    /// By a picture over the sphere, equal-area octahedral: the mean of its components.
+    Sphere { picture: Picture, to_light: Mat3 },
+    /// By a picture on a plane across the light's z axis.
+    Slide(Slide),
+}
+
+/// The slide of a projector.
+#[derive(Debug)]
+struct Slide {
+    picture: Picture,
+    to_light: Mat3,
+    /// Axis in world space.
+    axis: Vec3,
+    /// Half width and half height of the picture at distance 1.
+    half: [f32; 2],
+}
+
+impl Slide {
+    /// Returns the colour that is thrown in a world direction.
+    fn colour(&self, d: Vec3) -> Option<[f32; 3]> {
+        let w = (self.to_light * d).normalize();
+        // pbrt-v4's near plane.
+        if w.z < 1e-3 {
+            return None;
+        }
+        let [x, y] = [w.x / (w.z * self.half[0]), w.y / (w.z * self.half[1])];
+        (x.abs() <= 1.0 && y.abs() <= 1.0)
+            .then(|| self.picture.nearest([f64::from(0.5 + 0.5 * x), f64::from(0.5 + 0.5 * y)]))
+    }
+
+    /// Returns the integral of the luminance over directions: of a pixel at (x, y) on the plane at distance 1, dA / (1 + x^2 + y^2)^(3/2).
+    fn power(&self) -> f64 {
+        let (w, h) = (self.picture.width, self.picture.height);
+        let [a, b] = self.half.map(f64::from);
+        let place = |i: usize, n: usize, half: f64| half * (2.0 * (i as f64 + 0.5) / n as f64 - 1.0);
+        let sum: f64 = (0..w * h)
+            .map(|i| {
+                let (x, y) = (place(i % w, w, a), place(i / w, h, b));
+                let luminance: f32 = self.picture.rgb[i].iter().zip(LUMINANCE).map(|(c, l)| c * l).sum();
+                f64::from(luminance) / (1.0 + x * x + y * y).powf(1.5)
+            })
+            .sum();
+        sum * 4.0 * a * b / (w * h) as f64
+    }
 }
 
 /// The cone of a spot: full intensity up to `start`, none from `end` on, a cubic in the cosine between (pbrt-v4's smooth step).
@@ -48,9 +107,13 @@ impl Cone {
 }
 
 impl Punctual {
-    /// Returns the point or spot that is described; other kinds are an invariant of the caller.
-    pub fn new(light: &LightDescription) -> Result<Self, LightError> {
+    /// Returns the light at a point that is described; other kinds are an invariant of the caller.
+    pub fn new(light: &LightDescription, images: &[ImageDescription]) -> Result<Self, LightError> {
         let m = &light.light_to_world;
+        let to_light = || {
+            let inverse = Mat3::from_mat4(*m).inverse();
+            if inverse.is_finite() { Ok(inverse) } else { Err(LightError::Direction { place: light.place.clone() }) }
+        };
         match &light.kind {
             LightKind::Spot { from, to, intensity, cone_angle, cone_delta_angle } => {
                 let axis = m.transform_vector3(*to - *from);
@@ -61,9 +124,40 @@ impl Punctual {
                 // The power at intensity 1: the integral of the smooth step is half its width.
                 let power = 2.0 * PI * (1.0 - 0.5 * (cos_start + cos_end));
                 let cone = Cone { axis, cos_start: cos_start as f32, cos_end: cos_end as f32 };
-                Self::with(light, *from, intensity, power, Some(cone))
+                Self::with(light, *from, intensity, power, Pattern::Cone(cone))
             }
-            LightKind::Point { from, intensity } => Self::with(light, *from, intensity, 4.0 * PI, None),
+            LightKind::Point { from, intensity } => Self::with(light, *from, intensity, 4.0 * PI, Pattern::Even),
+            LightKind::Goniometric { intensity, image } => {
+                let picture = Picture::new(&images[*image], &light.place)?;
+                if picture.width != picture.height {
+                    return Err(LightError::NotSquare {
+                        place: light.place.clone(),
+                        name: images[*image].name.clone(),
+                        width: picture.width as u32,
+                        height: picture.height as u32,
+                    });
+                }
+                let mean = picture.mean_of(|[r, g, b]| (r + g + b) / 3.0);
+                let pattern = Pattern::Sphere { picture, to_light: to_light()? };
+                let mut lamp = Self::with(light, Vec3::ZERO, intensity, 4.0 * PI * mean, pattern)?;
+                lamp.mean *= mean;
+                Ok(lamp)
+            }
+            LightKind::Projection { image, fov } => {
+                let picture = Picture::new(&images[*image], &light.place)?;
+                let tangent = (0.5 * checked("fov", *fov, &light.place)?.to_radians()).tan();
+                // The angle is that across the shorter side.
+                let aspect = picture.width as f32 / picture.height as f32;
+                let half = [tangent * aspect.max(1.0), tangent * (1.0 / aspect).max(1.0)];
+                let axis = m.transform_vector3(Vec3::Z).try_normalize();
+                let axis = axis.ok_or_else(|| LightError::Direction { place: light.place.clone() })?;
+                let mean = picture.mean_of(|[r, g, b]| (r + g + b) / 3.0);
+                let slide = Slide { picture, to_light: to_light()?, axis, half };
+                let white = SpectrumDescription::Rgb([1.0; 3]);
+                let mut lamp = Self::with(light, Vec3::ZERO, &white, slide.power(), Pattern::Slide(slide))?;
+                lamp.mean *= mean;
+                Ok(lamp)
+            }
             _ => Err(LightError::Direction { place: light.place.clone() }),
         }
     }
@@ -73,12 +167,12 @@ impl Punctual {
         from: Vec3,
         intensity: &SpectrumDescription,
         power: f64,
-        cone: Option<Cone>,
+        pattern: Pattern,
     ) -> Result<Self, LightError> {
         let factor = factor(light.scale, light.power, power, &light.place)?;
         let intensity = emission(intensity, factor, &light.place)?;
         let mean = mean_of(&intensity);
-        Ok(Self { position: light.light_to_world.transform_point3(from), intensity, mean, cone })
+        Ok(Self { position: light.light_to_world.transform_point3(from), intensity, mean, pattern })
     }
 
     /// Returns where the light is.
@@ -88,18 +182,22 @@ impl Punctual {
 
     /// Returns where the light is and where it shines.
     pub fn bounds(&self) -> LightBounds {
-        let (axis, theta_o, theta_e) = match &self.cone {
-            None => (DVec3::Z, PI, FRAC_PI_2),
-            Some(c) => {
+        let (axis, theta_o, theta_e) = match &self.pattern {
+            Pattern::Even | Pattern::Sphere { .. } => (DVec3::Z, PI, FRAC_PI_2),
+            Pattern::Cone(c) => {
                 // Rounded outwards by more than the cosines' own rounding near 1.
                 let (start, end) = (f64::from(c.cos_start).acos(), f64::from(c.cos_end).acos());
-                (c.axis.as_dvec3(), start, (end - start + 1e-3).min(FRAC_PI_2))
+                let theta_e = (end - start + 1e-3).min(FRAC_PI_2);
+                // A soft edge wider than a right angle does not fit into theta_e: widen the core instead.
+                (c.axis.as_dvec3(), start.max(end - theta_e + 1e-3).min(PI), theta_e)
             }
-        };
-        // A soft edge wider than a right angle does not fit into theta_e: widen the core instead.
-        let theta_o = match &self.cone {
-            Some(c) => theta_o.max(f64::from(c.cos_end).acos() - theta_e + 1e-3).min(PI),
-            None => theta_o,
+            Pattern::Slide(s) => {
+                // A cone that holds all directions of the hemisphere that the slide may reach; a skewed transform may bend it anywhere.
+                let corner = f64::from(s.half[0].hypot(s.half[1])).atan();
+                let rigid = (s.to_light * s.to_light.transpose())
+                    .abs_diff_eq(Mat3::IDENTITY * s.to_light.x_axis.length_squared(), 1e-5);
+                (s.axis.as_dvec3(), if rigid { corner + 1e-3 } else { PI }, 1e-3)
+            }
         };
         LightBounds {
             min: self.position,
@@ -112,7 +210,7 @@ impl Punctual {
         }
     }
 
-    /// Returns irradiance on a plane at p that faces the light, direction to it and distance; `None` outside a spot's cone.
+    /// Returns irradiance on a plane at p that faces the light, direction to it and distance; `None` where none is.
     pub fn sample<const N: usize>(&self, p: Vec3, wavelengths: &Wavelengths<N>) -> Option<(Spectrum<N>, Vec3, f32)> {
         let to = self.position.as_dvec3() - p.as_dvec3();
         let distance = to.length();
@@ -120,10 +218,21 @@ impl Punctual {
             return None;
         }
         let wi = (to / distance).as_vec3();
-        let falloff = self.cone.as_ref().map_or(1.0, |c| c.falloff(-c.axis.dot(wi)));
-        let weight = f64::from(falloff) / (distance * distance);
-        let irradiance = self.intensity.sample(wavelengths) * weight as f32;
-        (falloff > 0.0 && irradiance.is_finite()).then_some((irradiance, wi, distance as f32))
+        let inverse_square = 1.0 / (distance * distance);
+        let (weight, colour) = match &self.pattern {
+            Pattern::Even => (1.0, None),
+            Pattern::Cone(c) => (c.falloff(-c.axis.dot(wi)), None),
+            Pattern::Sphere { picture, to_light } => {
+                let [r, g, b] = picture.nearest(square_of((*to_light * -wi).normalize()));
+                ((r + g + b) / 3.0, None)
+            }
+            Pattern::Slide(slide) => (1.0, Some(slide.colour(-wi)?)),
+        };
+        let mut irradiance = self.intensity.sample(wavelengths) * (f64::from(weight) * inverse_square) as f32;
+        if let Some(rgb) = colour {
+            irradiance = irradiance * sample_unbounded(rgb, wavelengths);
+        }
+        (weight > 0.0 && irradiance.is_finite()).then_some((irradiance, wi, distance as f32))
     }
 }
 

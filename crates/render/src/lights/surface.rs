@@ -1,4 +1,4 @@
-//! Surfaces that emit: triangles, spheres and disks, and how a point on them is chosen from a reference point.
+//! Surfaces that emit: triangles, spheres, disks and all other quadrics, and how a point on them is chosen from a reference point.
 //!
 //! | surface | choice | density [1/sr] |
 //! |---|---|---|
@@ -7,6 +7,7 @@
 //! | sphere, from outside | uniform in its cone | 1 / (2 pi (1 - cos theta_max)) |
 //! | sphere, from inside | uniform over all directions | 1 / (4 pi) |
 //! | disk | uniform in area | d^2 / (A cos) |
+//! | cylinder; partial or squashed sphere or disk | uniform in area before the transform | p_A d^2 / cos |
 //!
 //! Which row applies is a function of the reference point alone, so that [`Surface::pdf`] reproduces it. Arithmetic is in f64: cones
 //! and triangles of 1e-10 sr and points at 1e-6 of the size of a light are ordinary.
@@ -14,6 +15,7 @@
 use std::f64::consts::{FRAC_PI_2, PI};
 
 use moonmilk_core::{DVec3, Frame, Vec2, Vec3};
+use moonmilk_geometry::{Quadric, QuadricKind};
 
 use super::bounds::LightBounds;
 use super::spherical_triangle::{LARGEST, sample_direction, solid_angle};
@@ -47,6 +49,8 @@ pub enum Surface {
         frame: Frame,
         /// Emits inwards.
         inward: bool,
+        /// The shape was turned right side out: normals of hits point against the emitting side.
+        turned: bool,
     },
     /// A disk, possibly with a hole or only a sector.
     Disk {
@@ -62,6 +66,15 @@ pub enum Surface {
         inner_radius: f32,
         /// Sweep \[radians\], at most 2 pi.
         phi_max: f32,
+    },
+    /// Any other quadric.
+    Quadric {
+        /// Its form in world space.
+        form: Box<Quadric>,
+        /// Emits against the outward normal.
+        inward: bool,
+        /// The shape was turned right side out: normals of hits point against the emitting side.
+        turned: bool,
     },
 }
 
@@ -94,6 +107,7 @@ impl Surface {
             Self::Disk { radius, inner_radius, phi_max, .. } => {
                 0.5 * f64::from(*phi_max) * (f64::from(*radius).powi(2) - f64::from(*inner_radius).powi(2))
             }
+            Self::Quadric { form, .. } => form.area(),
         }
     }
 
@@ -124,16 +138,33 @@ impl Surface {
                 two_sided,
                 intensity: radiance * 0.25 * self.area(),
             },
+            Self::Quadric { form, inward, .. } => {
+                let bounds = form.bounds();
+                if matches!(form.kind(), QuadricKind::Disk { .. }) {
+                    let n = form.outward_normal(DVec3::ZERO).as_vec3();
+                    return flat(bounds.min, bounds.max, if *inward { -n } else { n });
+                }
+                // Normals point all around.
+                LightBounds {
+                    min: bounds.min,
+                    max: bounds.max,
+                    axis: DVec3::Z,
+                    theta_o: PI,
+                    theta_e: FRAC_PI_2,
+                    two_sided,
+                    intensity: radiance * 0.25 * self.area(),
+                }
+            }
         }
     }
 
-    /// Returns whether light leaves towards the unit direction `w` at a point of outward normal `normal` (used for spheres only; the
-    /// fronts of flat surfaces are known).
+    /// Returns whether light leaves towards the unit direction `w` at a point where a hit has normal `normal` (used for curved surfaces
+    /// only; the fronts of flat ones are known).
     #[inline]
     pub fn emits_towards(&self, w: Vec3, normal: Vec3) -> bool {
         match self {
             Self::Triangle { front, .. } | Self::Disk { front, .. } => front.dot(w) > 0.0,
-            Self::Sphere { .. } => normal.dot(w) > 0.0,
+            Self::Sphere { turned, .. } | Self::Quadric { turned, .. } => (normal.dot(w) > 0.0) != *turned,
         }
     }
 
@@ -153,7 +184,7 @@ impl Surface {
                 let pdf = by_angle.map(|omega| 1.0 / omega).or_else(|| triangle_pdf(&v, to));
                 finish(origin, to, *front, uv, pdf?)
             }
-            Self::Sphere { center, radius, frame, inward } => {
+            Self::Sphere { center, radius, frame, inward, .. } => {
                 let (to_center, r) = (center.as_dvec3() - origin, f64::from(*radius));
                 let (w, distance) = sphere_direction(to_center, r, u)?;
                 let to = w * distance;
@@ -169,6 +200,14 @@ impl Surface {
                 let v = (f64::from(*radius) - r) / f64::from(radius - inner_radius);
                 let pdf = area_pdf(self.area(), front.as_dvec3(), to)?;
                 finish(origin, to, *front, Vec2::new(u[1] as f32, v as f32), pdf)
+            }
+            Self::Quadric { form, inward, .. } => {
+                let (point, uv) = form.sample_point(u);
+                let n = form.outward_normal(point).as_vec3();
+                let to = point - origin;
+                // The density of the rounded point, as a hit will find it.
+                finish(origin, to, if *inward { -n } else { n }, uv, self.pdf(p, point.as_vec3()))
+                    .filter(|s| s.pdf > 0.0)
             }
         }
     }
@@ -187,6 +226,9 @@ impl Surface {
             }
             Self::Sphere { center, radius, .. } => sphere_pdf(center.as_dvec3() - origin, f64::from(*radius)),
             Self::Disk { front, .. } => area_pdf(self.area(), front.as_dvec3(), to).unwrap_or(0.0),
+            Self::Quadric { form, .. } => {
+                area_pdf(1.0 / f64::from(form.pdf_area(q)), form.outward_normal(q.as_dvec3()), to).unwrap_or(0.0)
+            }
         }
     }
 }

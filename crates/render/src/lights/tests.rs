@@ -4,6 +4,7 @@
 
 mod choice;
 mod closed_forms;
+mod forms;
 mod input;
 
 use std::f64::consts::PI;
@@ -92,6 +93,10 @@ fn disk(radius: f32) -> GeometryDescription {
     GeometryDescription::Disk { height: 0.0, radius, inner_radius: 0.0, phi_max: 360.0 }
 }
 
+fn cylinder(radius: f32, phi_max: f32) -> GeometryDescription {
+    GeometryDescription::Cylinder { radius, z_min: -1.0, z_max: 0.5, phi_max }
+}
+
 fn light(kind: LightKind) -> LightDescription {
     LightDescription { place: place(), light_to_world: Mat4::IDENTITY, scale: 1.0, power: None, kind, medium: None }
 }
@@ -152,6 +157,10 @@ fn everything() -> SceneDescription {
     scene.shapes.push(shape(mesh(corners), Mat4::from_translation(Vec3::X), area_light(0.2, true)));
     scene.shapes.push(shape(sphere(0.3), Mat4::from_translation(Vec3::new(1.0, 3.0, 0.0)), area_light(5.0, false)));
     scene.shapes.push(shape(disk(0.8), Mat4::from_translation(Vec3::new(-3.0, 0.0, 1.0)), area_light(2.0, true)));
+    let squash = Mat4::from_translation(Vec3::new(0.0, 2.0, -3.0)) * Mat4::from_scale(Vec3::new(1.0, 0.4, 2.0));
+    scene.shapes.push(shape(cylinder(0.4, 250.0), Mat4::from_rotation_x(0.6), area_light(2.0, true)));
+    scene.shapes.push(shape(sphere(0.7), squash, area_light(3.0, false)));
+    scene.shapes.push(shape(disk(0.9), squash, area_light(1.5, false)));
     scene
         .images
         .push(picture(16, |x, y| [x as f32 * 0.05, y as f32 * 0.03, if x == 3 && y == 9 { 40.0 } else { 0.0 }]));
@@ -168,7 +177,11 @@ fn everything() -> SceneDescription {
         light(LightKind::Distant { from: Vec3::X, to: Vec3::Y, irradiance: SpectrumDescription::Rgb([0.1; 3]) }),
         light(LightKind::Constant { radiance: SpectrumDescription::Rgb([0.1; 3]) }),
         light(LightKind::Environment { image: 0 }),
+        light(LightKind::Goniometric { intensity: SpectrumDescription::Rgb([1.0; 3]), image: 0 }),
+        light(LightKind::Projection { image: 0, fov: 70.0 }),
     ];
+    scene.lights[6].light_to_world = Mat4::from_translation(Vec3::new(2.0, 2.0, -2.0)) * Mat4::from_rotation_x(1.0);
+    scene.lights[7].light_to_world = Mat4::from_translation(Vec3::new(-1.0, 0.0, -4.0)) * Mat4::from_rotation_y(0.3);
     scene.lights[5].light_to_world = Mat4::from_rotation_y(1.0) * Mat4::from_scale(Vec3::new(1.0, 2.0, -0.7));
     scene
 }

@@ -3,7 +3,7 @@
 use std::sync::OnceLock;
 
 use moonmilk_core::Vec3;
-use moonmilk_geometry::{Accel, Body, Bounds, Mesh, Quadric, QuadricKind, Shape, WORLD};
+use moonmilk_geometry::{Accel, Body, Bounds, Mesh, Quadric, Shape, WORLD};
 
 use super::{Boundary, Object, OpenPolicy, SceneError, SceneOptions, Side};
 use crate::description::{GeometryDescription, MaterialKind, MediumId, SceneDescription, ShapeDescription, Warning};
@@ -15,7 +15,6 @@ pub(super) fn build_shape(s: &ShapeDescription, warnings: &mut Vec<Warning>) -> 
     let fail = |reason: String| SceneError::Shape { place: s.place.clone(), name: s.name.clone(), reason };
     let m = &s.object_to_world;
     let flat = || fail("its transform is singular or not finite, or its size is not positive".into());
-    let degrees = |x: f32| f64::from(x).to_radians();
     let mut shape = match &*s.geometry {
         GeometryDescription::Mesh { positions, normals, uvs, indices } => {
             let mesh = Mesh::new(positions.clone(), normals.clone(), uvs.clone(), indices.clone())
@@ -26,33 +25,7 @@ pub(super) fn build_shape(s: &ShapeDescription, warnings: &mut Vec<Warning>) -> 
             }
             Shape::from(mesh.transformed(m).map_err(|e| fail(e.to_string()))?)
         }
-        GeometryDescription::Sphere { radius, z_min, z_max, phi_max } => {
-            let kind = QuadricKind::Sphere {
-                radius: f64::from(*radius),
-                z_min: f64::from(*z_min),
-                z_max: f64::from(*z_max),
-                phi_max: degrees(*phi_max),
-            };
-            Shape::from(Quadric::new(kind, m).ok_or_else(flat)?)
-        }
-        GeometryDescription::Disk { height, radius, inner_radius, phi_max } => {
-            let kind = QuadricKind::Disk {
-                height: f64::from(*height),
-                radius: f64::from(*radius),
-                inner_radius: f64::from(*inner_radius),
-                phi_max: degrees(*phi_max),
-            };
-            Shape::from(Quadric::new(kind, m).ok_or_else(flat)?)
-        }
-        GeometryDescription::Cylinder { radius, z_min, z_max, phi_max } => {
-            let kind = QuadricKind::Cylinder {
-                radius: f64::from(*radius),
-                z_min: f64::from(*z_min),
-                z_max: f64::from(*z_max),
-                phi_max: degrees(*phi_max),
-            };
-            Shape::from(Quadric::new(kind, m).ok_or_else(flat)?)
-        }
+        other => Shape::from(other.quadric().and_then(|kind| Quadric::new(kind, m)).ok_or_else(flat)?),
     };
     // A mirror image keeps its outward side outward, as in pbrt; what the file reverses is reversed.
     if s.reverse_orientation {
@@ -241,7 +214,13 @@ fn find_overlaps(objects: &mut [Object], accel: &Accel) {
 /// Returns the emitting surfaces of a shape in the order of its primitives.
 pub(super) fn emitting_surfaces(s: &ShapeDescription, shape: &Shape) -> Result<Vec<lights::Surface>, SceneError> {
     let Some(mesh) = shape.mesh() else {
-        return Ok(lights::surfaces_of(s)?);
+        let mut list = lights::surfaces_of(s)?;
+        for l in &mut list {
+            if let lights::Surface::Sphere { turned, .. } | lights::Surface::Quadric { turned, .. } = l {
+                *turned = shape.reverse != s.reverse_orientation;
+            }
+        }
+        return Ok(list);
     };
     let corners = |i: u32| {
         let p = mesh.corners(i);

@@ -105,6 +105,17 @@ impl World {
         })
     }
 
+    /// Gives all materials a displacement of noise times a factor.
+    pub fn displace_all(&mut self, factor: f32) {
+        let to_texture = Mat4::from_scale(Vec3::splat(3.0));
+        self.0.float_textures.push(FloatTexture::Fbm { to_texture, octaves: 2, roughness: 0.5 });
+        let noise = self.0.float_textures.len() - 1;
+        let factor = self.float(factor);
+        self.0.float_textures.push(FloatTexture::Scale(noise, factor));
+        let displacement = Some(self.0.float_textures.len() - 1);
+        self.0.materials.iter_mut().for_each(|m| m.displacement = displacement);
+    }
+
     pub fn float(&mut self, x: f32) -> FloatTextureId {
         self.0.float_textures.push(FloatTexture::Constant(x));
         self.0.float_textures.len() - 1

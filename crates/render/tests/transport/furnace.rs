@@ -53,6 +53,16 @@ fn every_single_path_finds_white_at_a_thousand_mean_free_paths() {
 }
 
 #[test]
+fn every_single_path_finds_white_behind_a_boundary_with_a_map() {
+    // Displacements of noise with slopes up to about 1: normals far from the face's.
+    for body in [Body::ball(), Body::smooth(), Body::bumpy()] {
+        let mut world = body.world(2.0, 0.5, 1.5).environment(1.0);
+        world.displace_all(0.5);
+        assert_white(&format!("{} with a map", body.name), world.tracer(), body.reach, samples(20_000, 8));
+    }
+}
+
+#[test]
 fn every_single_path_finds_white_through_nested_shells() {
     let (world, reach, _) = shells();
     assert_white("shells", world.environment(1.0).tracer(), reach, samples(50_000, 16));

@@ -41,6 +41,8 @@ struct Case {
     eta: f32,
     roughness: f32,
     medium: Option<[f32; 3]>,
+    /// Factor of a displacement by noise.
+    map: f32,
 }
 
 /// Returns the flux from one patch to the other by way of the body.
@@ -48,6 +50,9 @@ fn flux(case: &Case, from: Patch, to: Patch, seed: u64) -> Estimate {
     let mut world = World::new();
     let medium = case.medium.map(|[a, s, g]| world.medium(a, s, g));
     let boundary = world.dielectric(case.eta, case.roughness);
+    if case.map > 0.0 {
+        world.displace_all(case.map);
+    }
     let body = world.body(&case.shape, boundary, medium, None) as u32;
     world.emitter(&from.shape(), 1.0);
     let black = world.diffuse(0.0);
@@ -72,13 +77,21 @@ fn light_and_eye_can_be_exchanged() {
     // 2 % or better; slow: .5 %.
     let coarse = smooth(&bumpy_sphere(1, 0.4));
     for case in [
-        Case { what: "clear, coarse and smooth", shape: coarse.clone(), eta: 1.5, roughness: 0.0, medium: None },
+        Case {
+            what: "clear, coarse and smooth",
+            shape: coarse.clone(),
+            eta: 1.5,
+            roughness: 0.0,
+            medium: None,
+            map: 0.0,
+        },
         Case {
             what: "milk, coarse and smooth",
             shape: coarse.clone(),
             eta: 1.5,
             roughness: 0.0,
             medium: Some([0.1, 3.0, 0.5]),
+            map: 0.0,
         },
         Case {
             what: "water, coarse and smooth",
@@ -86,6 +99,7 @@ fn light_and_eye_can_be_exchanged() {
             eta: 1.33,
             roughness: 0.0,
             medium: Some([0.2, 0.5, -0.4]),
+            map: 0.0,
         },
         Case {
             what: "cube",
@@ -93,6 +107,15 @@ fn light_and_eye_can_be_exchanged() {
             eta: 1.5,
             roughness: 0.0,
             medium: Some([0.2, 1.0, 0.0]),
+            map: 0.0,
+        },
+        Case {
+            what: "glass with a map",
+            shape: smooth(&bumpy_sphere(3, 0.1)),
+            eta: 1.5,
+            roughness: 0.0,
+            medium: Some([0.1, 0.5, 0.0]),
+            map: 0.4,
         },
         Case {
             what: "frosted",
@@ -100,6 +123,7 @@ fn light_and_eye_can_be_exchanged() {
             eta: 1.5,
             roughness: 0.3,
             medium: Some([0.2, 1.0, 0.0]),
+            map: 0.0,
         },
     ] {
         let (there, back) = (flux(&case, A, B, 0), flux(&case, B, A, 1));

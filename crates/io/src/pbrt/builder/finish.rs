@@ -4,8 +4,8 @@ use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
 use moonmilk_render::description::{
-    InstanceDescription, LightDescription, MaterialDescription, MaterialId, MaterialKind, MediumId, MediumInterface,
-    ObjectDescription, SceneDescription, ShapeDescription,
+    FloatTextureId, InstanceDescription, LightDescription, MaterialDescription, MaterialId, MaterialKind, MediumId,
+    MediumInterface, ObjectDescription, SceneDescription, ShapeDescription,
 };
 
 use super::super::camera;
@@ -23,6 +23,35 @@ struct Known {
     first_unnamed: usize,
     /// Unknown names that have been reported: one report per name is enough.
     reported: HashSet<Arc<str>>,
+    /// Copies of materials with the displacement of a mesh.
+    displaced: HashMap<(MaterialId, FloatTextureId), MaterialId>,
+}
+
+impl Known {
+    /// The material with that displacement instead of its own.
+    fn displaced(&mut self, cx: &mut Context, spot: Spot, material: MaterialId, by: FloatTextureId) -> MaterialId {
+        if let Some(&known) = self.displaced.get(&(material, by)) {
+            return known;
+        }
+        let mut copy = self.list[material].clone();
+        if copy.displacement.is_some() || copy.normal_map.is_some() {
+            cx.warn(spot, "the map of the material is not used on this mesh: that of the mesh takes its place");
+        }
+        if let MaterialKind::Mix { materials, .. } = &mut copy.kind {
+            // A mixture has no surface of its own; its parts have.
+            let parts = *materials;
+            let parts = parts.map(|part| self.displaced(cx, spot, part, by));
+            copy.kind = match copy.kind {
+                MaterialKind::Mix { amount, .. } => MaterialKind::Mix { materials: parts, amount },
+                other => other,
+            };
+        } else {
+            (copy.displacement, copy.normal_map) = (Some(by), None);
+        }
+        self.list.push(copy);
+        self.displaced.insert((material, by), self.list.len() - 1);
+        self.list.len() - 1
+    }
 }
 
 impl Builder {
@@ -54,8 +83,11 @@ impl Builder {
     /// Makes the description.
     pub(crate) fn finish(mut self, cx: &mut Context) -> SceneDescription {
         let camera_medium = self.medium(cx, &self.camera_medium);
-        let (camera, shutter) = camera::camera(cx, self.camera.take(), self.camera_transform, camera_medium);
-        let film = camera::film(cx, self.film.take(), shutter);
+        let (mut camera, shutter, lens) = camera::camera(cx, self.camera.take(), self.camera_transform, camera_medium);
+        let (film, diagonal) = camera::film(cx, self.film.take(), shutter);
+        if let Some(lens) = lens {
+            lens.focus(&mut camera, &film, diagonal);
+        }
         let filter = camera::filter(cx, self.filter.take());
         let sampler = camera::sampler(cx, self.sampler.take(), self.seed);
         let integrator = camera::integrator(cx, self.integrator.take());
@@ -67,7 +99,7 @@ impl Builder {
         let mut entities = std::mem::take(&mut self.named_materials);
         entities.append(&mut self.unnamed_materials);
         let (list, names) = materials::build(cx, &mut self.textures, entities);
-        let mut known = Known { list, names, first_unnamed, reported: HashSet::new() };
+        let mut known = Known { list, names, first_unnamed, reported: HashSet::new(), displaced: HashMap::new() };
 
         for (name, spot) in std::mem::take(&mut self.early_materials) {
             if known.names.contains_key(&name) {
@@ -182,6 +214,13 @@ impl Builder {
                     }
                     known.first_unnamed
                 }
+            },
+        };
+        let material = match &pending.displacement {
+            None => material,
+            Some((name, spot)) => match self.textures.named_float(cx, name, *spot) {
+                Some(by) => known.displaced(cx, *spot, material, by),
+                None => material,
             },
         };
         let (inside, outside) = (self.medium(cx, &pending.inside), self.medium(cx, &pending.outside));

@@ -68,7 +68,9 @@ impl Parser {
             };
             let (values, value) = self.values(cx, ty, name)?;
             if let (Some(ty), Some(values)) = (ty, values) {
-                out.push(Param { ty, name: name.to_owned(), values, spot: name_spot, type_spot, value });
+                let name = name.to_owned();
+                let color_space = Default::default();
+                out.push(Param { ty, name, values, spot: name_spot, type_spot, value, color_space });
             }
             if cx.hopeless() {
                 return Err(Stop);

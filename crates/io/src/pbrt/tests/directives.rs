@@ -140,3 +140,92 @@ fn the_options_block_is_read_with_pbrts_defaults() {
     assert_eq!(s.filter.kind, FilterKind::Mitchell { b: 0.5, c: 1.0 / 3.0 });
     assert_eq!((s.sampler.samples, s.sampler.seed, s.integrator.max_depth), (15, 7, 9));
 }
+
+#[test]
+fn color_spaces_are_part_of_the_state_and_converted() {
+    let loaded = world(
+        r#"Attribute "material" "rgb reflectance" [.1 .2 .3]
+        AttributeBegin
+          ColorSpace "Rec2020"
+          Material "diffuse" "rgb reflectance" [.5 .5 .5]
+          Material "diffuse" "rgb reflectance" [.2 .3 .1]
+          Material "diffuse" "rgb reflectance" [0 1 0]
+          Material "diffuse"
+          ColorSpace "aces2065-1"
+          LightSource "point"
+        AttributeEnd
+        LightSource "point"
+        Material "diffuse" "rgb reflectance" [.2 .3 .1]"#,
+    );
+    let s = &loaded.scene;
+    let rgb = |d: &SpectrumDescription| if let SpectrumDescription::Rgb(c) = d { *c } else { panic!("{d:?}") };
+    let colour = |material: usize| match &s.materials[material].kind {
+        MaterialKind::Diffuse { reflectance } => match &s.spectrum_textures[*reflectance] {
+            SpectrumTexture::Constant(d) => rgb(d),
+            other => panic!("{other:?}"),
+        },
+        other => panic!("{other:?}"),
+    };
+    let near =
+        |a: [f32; 3], b: [f32; 3], e: f32| assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < e), "{a:?} {b:?}");
+    near(colour(1), [0.5; 3], 1e-5);
+    // ITU-R BT.2087 with four digits.
+    near(colour(2), [0.1485, 0.3141, 0.0781], 2e-3);
+    // Pure green of Rec. 2020 has the luminance .678 and no red.
+    let green = colour(3);
+    assert!(green[0] < 1e-6 && green[1] < 1.0 && green[2] > 0.0, "{green:?}");
+    near([0.2126 * green[0] + 0.7152 * green[1] + 0.0722 * green[2]; 3], [0.678; 3], 2e-3);
+    assert_eq!((colour(4), colour(5)), ([0.1, 0.2, 0.3], [0.2, 0.3, 0.1]));
+    let light = |i: usize| match &s.lights[i].kind {
+        LightKind::Point { intensity, .. } => rgb(intensity),
+        other => panic!("{other:?}"),
+    };
+    // The white of ACES is a little warmer than D65.
+    assert!(light(0)[0] > 1.02 && light(0)[2] < 0.98, "{:?}", light(0));
+    assert_eq!(light(1), [1.0; 3]);
+    let messages: Vec<&str> = loaded.warnings.iter().map(|w| w.message.as_str()).collect();
+    assert_eq!(messages.len(), 1, "{messages:?}");
+    assert!(messages[0].starts_with("colour (0 1 0) of rec2020 lies outside sRGB: it is desaturated"), "{messages:?}");
+    let (text, help) = problem("ColorSpace \"rec202\" WorldBegin");
+    assert_eq!(text, "scene.pbrt:1:13: `rec202` is no color space");
+    assert!(help.starts_with("did you mean `rec2020`?"), "{help}");
+    let film = load_text("ColorSpace \"rec2020\" Film \"rgb\" WorldBegin").expect("a scene");
+    assert!(film.warnings[0].message.contains("written in linear sRGB"));
+}
+
+#[test]
+fn realistic_cameras_become_thin_lenses_of_the_same_field_of_view() {
+    // A thin biconvex lens of index 1.5 and radii 50 mm has f = 50 mm; thickness 1e-6 mm. Then the stop.
+    let lens = "# a lens\n50 0.000001 1.5 20\n-50 5 1 20\n0 5 0 10\n";
+    let main = "Film \"rgb\" \"integer xresolution\" 300 \"integer yresolution\" 200 \"float diagonal\" 43.2666
+        Camera \"realistic\" \"string lensfile\" \"lens.dat\" \"float focusdistance\" 5 \"float aperturediameter\" 4 WorldBegin";
+    let list = files(&[("s", main), ("lens.dat", lens)]);
+    let loaded = load_with(&list, "s", &Options::default()).unwrap_or_else(|e| panic!("{e}"));
+    let camera = &loaded.scene.camera;
+    let CameraKind::Perspective { fov } = camera.kind else { panic!("{:?}", camera.kind) };
+    // The shorter side is 24 mm, the image at 1 / (1 / 50 - 1 / 5000) mm.
+    let image = 1.0 / (1.0 / 50.0 - 1.0 / 5000.0);
+    let expected = 2.0 * (12.0f32 / image).atan().to_degrees();
+    assert!((fov - expected).abs() < 1e-3, "{fov} {expected}");
+    assert_eq!((camera.lens_radius, camera.focal_distance), (0.002, 5.0));
+    assert_eq!(loaded.warnings.len(), 1);
+    assert!(loaded.warnings[0].message.contains("50.0 mm"), "{:?}", loaded.warnings);
+    let bad = files(&[("s", main), ("lens.dat", "50 1 1.5")]);
+    let error = load_with(&bad, "s", &Options::default()).expect_err("a bad lens").to_string();
+    assert!(error.contains("lens.dat: 3 numbers; rows of curvature radius"), "{error}");
+    let (text, _) = problem("Camera \"realistic\" WorldBegin");
+    assert_eq!(text, "scene.pbrt:1:1: a realistic camera needs `string lensfile`");
+}
+
+#[test]
+fn options_that_would_change_the_picture_are_reported() {
+    let warnings = |text: &str| load_text(&format!("{text} WorldBegin")).expect("a scene").warnings;
+    for (option, what) in
+        [("forcediffuse", "materials"), ("disablepixeljitter", "filter"), ("disable-wavelength-jitter", "random")]
+    {
+        let list = warnings(&format!("Option \"{option}\" true"));
+        assert!(list.len() == 1 && list[0].message.contains(what), "{option}: {list:?}");
+        assert!(warnings(&format!("Option \"{option}\" false")).is_empty());
+    }
+    assert!(warnings("Option \"rendercoordsys\" \"world\" Option \"bool gpu\" true").is_empty());
+}

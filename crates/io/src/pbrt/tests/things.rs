@@ -1,5 +1,7 @@
 //! Shapes, materials, media, lights, textures.
 
+use moonmilk_core::Vec2;
+
 use super::*;
 
 #[test]
@@ -225,4 +227,142 @@ fn textures_are_made_and_constants_shared() {
         scene.spectrum_textures[*a],
         SpectrumTexture::Constant(SpectrumDescription::Rgb([1.0, 0.0, 0.0]))
     ));
+}
+
+#[test]
+fn every_class_of_textures_is_made() {
+    let scene = world(
+        r#"Translate 1 0 0
+        Texture "dots" "float" "dots" "float inside" 2 "float uscale" 4
+        Texture "bilerp" "float" "bilerp" "float v10" 3 "float v01" 7
+        Texture "fbm" "float" "fbm" "integer octaves" 5 "float roughness" 0.7
+        Texture "wrinkled" "float" "wrinkled"
+        Texture "windy" "float" "windy"
+        Texture "dir" "float" "directionmix" "vector3 dir" [0 0 2] "float tex1" 0.25 "float tex2" 0.75
+        Texture "marble" "spectrum" "marble" "float scale" 2 "float variation" 0.1
+        Texture "sdots" "spectrum" "dots" "rgb inside" [1 0 0] "string mapping" "planar" "vector3 v1" [0 0 1]
+        Texture "sbilerp" "spectrum" "bilerp" "rgb v11" [0 1 0] "string mapping" "spherical"
+        Texture "cyl" "spectrum" "checkerboard" "string mapping" "cylindrical"
+        Texture "solid" "spectrum" "checkerboard" "integer dimension" 3"#,
+    );
+    assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+    let s = scene.scene;
+    let moved = Mat4::from_translation(-Vec3::X);
+    let value = |id: usize| if let FloatTexture::Constant(v) = s.float_textures[id] { v } else { f32::NAN };
+    let mut seen = 0;
+    for t in &s.float_textures {
+        seen += 1;
+        match t {
+            FloatTexture::Constant(_) => seen -= 1,
+            FloatTexture::Dots { mapping: TextureMapping::Uv { scale, .. }, inside, outside } => {
+                assert_eq!((scale.x, value(*inside), value(*outside)), (4.0, 2.0, 0.0));
+            }
+            FloatTexture::Bilerp { v, .. } => assert_eq!(*v, [0.0, 3.0, 7.0, 1.0]),
+            FloatTexture::Fbm { to_texture, octaves, roughness } => {
+                assert_eq!((*to_texture, *octaves, *roughness), (moved, 5, 0.7));
+            }
+            FloatTexture::Wrinkled { octaves, roughness, .. } => assert_eq!((*octaves, *roughness), (8, 0.5)),
+            FloatTexture::Windy(m) => assert_eq!(*m, moved),
+            FloatTexture::DirectionMix { a, b, dir } => assert_eq!((value(*a), value(*b), *dir), (0.75, 0.25, Vec3::Z)),
+            other => panic!("{other:?}"),
+        }
+    }
+    assert_eq!(seen, 6);
+    let colour =
+        |id: usize| if let SpectrumTexture::Constant(c) = &s.spectrum_textures[id] { c.clone() } else { panic!() };
+    for t in &s.spectrum_textures {
+        seen += 1;
+        match t {
+            SpectrumTexture::Constant(_) => seen -= 1,
+            SpectrumTexture::Marble { to_texture, octaves, roughness, scale, variation } => {
+                assert_eq!((*to_texture, *octaves, *roughness, *scale, *variation), (moved, 8, 0.5, 2.0, 0.1));
+            }
+            SpectrumTexture::Dots { mapping: TextureMapping::Planar { v1, .. }, inside, .. } => {
+                assert_eq!((*v1, colour(*inside)), (Vec3::Z, SpectrumDescription::Rgb([1.0, 0.0, 0.0])));
+            }
+            SpectrumTexture::Bilerp { mapping: TextureMapping::Spherical(m), v } => {
+                assert_eq!((*m, colour(v[3])), (moved, SpectrumDescription::Rgb([0.0, 1.0, 0.0])));
+            }
+            SpectrumTexture::Checkerboard { mapping: TextureMapping::Cylindrical(m), .. } => assert_eq!(*m, moved),
+            SpectrumTexture::Checkerboard { mapping: TextureMapping::Point(m), .. } => assert_eq!(*m, moved),
+            other => panic!("{other:?}"),
+        }
+    }
+    assert_eq!(seen, 11);
+}
+
+#[test]
+fn classes_of_the_other_kind_and_too_many_octaves_are_errors() {
+    let (text, help) = problem("WorldBegin Texture \"t\" \"float\" \"marble\"");
+    assert_eq!(text, "scene.pbrt:1:33: `marble` is no class of float textures");
+    assert!(help.starts_with("it exists as spectrum texture only"), "{help}");
+    let (text, _) = problem("WorldBegin Texture \"t\" \"float\" \"fbm\" \"integer octaves\" 65");
+    assert_eq!(text, "scene.pbrt:1:56: octaves = 65 is outside [0, 64]");
+    let (text, help) = problem("WorldBegin Texture \"t\" \"spectrum\" \"dotts\"");
+    assert_eq!(text, "scene.pbrt:1:36: `dotts` is no class of spectrum textures");
+    assert!(help.starts_with("did you mean `dots`?"), "{help}");
+}
+
+/// The only light of a world that may use the picture `sky.hdr`, n by m pixels.
+fn light_with_picture(text: &str, width: u32, height: u32) -> Result<LightDescription, LoadError> {
+    let rgb = vec![[1.0; 3]; (width * height) as usize];
+    let picture = ImageDescription { name: String::new(), width, height, rgb, alpha: Vec::new() };
+    let files = Memory(HashMap::from([
+        ("s", format!("WorldBegin Translate 0 0 5 {text}").into_bytes()),
+        ("sky.hdr", hdr(&picture)),
+    ]));
+    load_with(&files, "s", &Options::default()).map(|l| l.scene.lights[0].clone())
+}
+
+#[test]
+fn lights_with_pictures_are_read_in_pbrts_frames() {
+    let text = "LightSource \"goniometric\" \"rgb I\" [1 2 3] \"string filename\" \"sky.hdr\" \"float power\" 9 \"float scale\" 2";
+    let l = light_with_picture(text, 4, 4).unwrap_or_else(|e| panic!("{e}"));
+    assert!(matches!(
+        l.kind,
+        LightKind::Goniometric { intensity: SpectrumDescription::Rgb([1.0, 2.0, 3.0]), image: 0 }
+    ));
+    assert_eq!((l.power, l.scale), (Some(9.0), 2.0));
+    // The picture's up is the light's y.
+    assert!(l.light_to_world.transform_point3(Vec3::Z).distance(Vec3::new(0.0, 1.0, 5.0)) < 1e-6);
+    let text = "LightSource \"projection\" \"string filename\" \"sky.hdr\" \"float fov\" 30";
+    let l = light_with_picture(text, 4, 2).unwrap_or_else(|e| panic!("{e}"));
+    assert!(matches!(l.kind, LightKind::Projection { fov: 30.0, image: 0 }));
+    assert!(l.light_to_world.transform_point3(Vec3::NEG_Y).distance(Vec3::new(0.0, 1.0, 5.0)) < 1e-6);
+    let error = light_with_picture("LightSource \"goniometric\" \"string filename\" \"sky.hdr\"", 4, 2)
+        .expect_err("not square");
+    assert_eq!(error.to_string(), "s:1:73: sky.hdr: 4 x 2 pixels, but a goniometric light takes a square picture");
+    assert!(problem("WorldBegin LightSource \"projection\"").0.contains("needs `string filename`"));
+    let even = world("LightSource \"goniometric\" \"rgb I\" [1 1 1]");
+    assert!(even.warnings[0].message.contains("equally in all directions"));
+    assert!(matches!(even.scene.lights[0].kind, LightKind::Point { .. }));
+}
+
+#[test]
+fn patches_have_their_own_parameters_as_texture_coordinates() {
+    let text = "Shape \"bilinearmesh\" \"point3 P\" [0 0 0  1 0 0  0 1 0  1 1 0  2 0 0  2 1 0] \"integer indices\" [0 1 2 3  1 4 3 5]";
+    let GeometryDescription::Mesh { positions, uvs, indices, .. } = &*only_shape(text).geometry else {
+        panic!("a mesh")
+    };
+    assert_eq!((positions.len(), uvs.len(), indices.len()), (8, 8, 4));
+    assert_eq!((uvs[0], uvs[3], uvs[4], uvs[7]), (Vec2::ZERO, Vec2::ONE, Vec2::ZERO, Vec2::ONE));
+    assert_eq!(positions[7], Vec3::new(2.0, 1.0, 0.0));
+}
+
+#[test]
+fn a_displaced_mesh_has_a_material_of_its_own_with_a_bump_map() {
+    let ply = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
+    let main = "WorldBegin Texture \"d\" \"float\" \"wrinkled\" Material \"dielectric\" Shape \"plymesh\" \"string filename\" \"a.ply\"
+        Shape \"plymesh\" \"string filename\" \"a.ply\" \"texture displacement\" \"d\" \"float displacement.edgelength\" 0.1
+        Shape \"plymesh\" \"string filename\" \"a.ply\" \"texture displacement\" \"d\"
+        Texture \"e\" \"float\" \"fbm\" Material \"diffuse\" \"texture displacement\" \"e\" Shape \"sphere\"";
+    let loaded =
+        load_with(&files(&[("s", main), ("a.ply", ply)]), "s", &Options::default()).unwrap_or_else(|e| panic!("{e}"));
+    let s = &loaded.scene;
+    let bumps: Vec<bool> = s.shapes.iter().map(|x| s.materials[x.material].displacement.is_some()).collect();
+    assert_eq!(bumps, [false, true, true, true]);
+    assert_eq!(s.shapes[1].material, s.shapes[2].material);
+    assert!(matches!(s.materials[s.shapes[1].material].kind, MaterialKind::Dielectric { .. }));
+    assert_eq!(loaded.warnings.len(), 2);
+    assert!(loaded.warnings.iter().all(|w| w.message.contains("read as a bump map")), "{:?}", loaded.warnings);
 }

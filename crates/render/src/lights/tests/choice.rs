@@ -113,7 +113,7 @@ fn all_lights_together_give_the_sum_of_their_irradiances() {
         let (mut mean, mut variance) = (0.0, 0.0);
         for (i, placed) in lights.placed.iter().enumerate() {
             match placed {
-                Placed::Surface { surface, emission, two_sided } => {
+                Placed::Surface { surface, emission, two_sided, .. } => {
                     let mut sum = Accumulator::default();
                     for _ in 0..4000 {
                         let e = surface.sample(p, [f64::from(r.uniform()), f64::from(r.uniform())]).map_or(0.0, |s| {
