@@ -151,6 +151,20 @@ fn decode_unguarded(bytes: &[u8]) -> Result<Picture, Error> {
     assemble(image)
 }
 
+/// Returns whether a file says that its primaries or its white are others than those of sRGB (ITU-R BT.709), which are meant if it says nothing.
+pub fn has_other_primaries(bytes: &[u8]) -> bool {
+    let said = guarded(FORMAT, || {
+        let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(from_exr)?;
+        Ok(meta.headers.first().and_then(|h| h.shared_attributes.chromaticities))
+    });
+    let Ok(Some(c)) = said else {
+        return false;
+    };
+    let srgb = [(c.red, [0.64, 0.33]), (c.green, [0.30, 0.60]), (c.blue, [0.15, 0.06]), (c.white, [0.3127, 0.3290])];
+    // Files round; pbrt-v4 takes 1e-3 for equal.
+    srgb.iter().any(|(p, [x, y])| (p.0 - x).abs() > 1e-3 || (p.1 - y).abs() > 1e-3)
+}
+
 /// Refuses what cannot be true or is not wanted before memory for pixels is allocated.
 fn check_headers(bytes: &[u8]) -> Result<(), Error> {
     let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(from_exr)?;

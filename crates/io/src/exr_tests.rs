@@ -182,3 +182,24 @@ fn absurd_sizes_are_refused_before_memory_is_asked_for() {
     }
     assert!(6 * 16000u64.pow(2) > MAX_SAMPLES && 6 * 9000u64.pow(2) < MAX_SAMPLES);
 }
+
+#[test]
+fn primaries_other_than_those_of_srgb_are_noticed() {
+    let mut picture = Picture::new(1, 1);
+    for name in ["R", "G", "B"] {
+        picture.push(name, vec![0.5]).expect("a channel");
+    }
+    let plain = encode(&picture).expect("a file");
+    assert!(!has_other_primaries(&plain) && !has_other_primaries(b"no picture"));
+    let with = |values: [f32; 8]| {
+        // An attribute more, in front of the others: name, type, length, values.
+        let mut bytes = plain[..8].to_vec();
+        bytes.extend(b"chromaticities\0chromaticities\0");
+        bytes.extend(32i32.to_le_bytes());
+        bytes.extend(values.iter().flat_map(|v| v.to_le_bytes()));
+        bytes.extend(&plain[8..]);
+        bytes
+    };
+    assert!(!has_other_primaries(&with([0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.329])));
+    assert!(has_other_primaries(&with([0.7347, 0.2653, 0.0, 1.0, 0.0001, -0.077, 0.32168, 0.33767])));
+}

@@ -72,7 +72,9 @@ pub(crate) fn transmittance<const N: usize>(
             let alpha = scene.textures.eval_float(a, &point);
             alpha < 1.0 && rng.uniform() >= alpha
         });
-        if !cut_out && !object.is_open_to_light(at.inside.meet(object, hit.shape, hit.exiting)) {
+        // Out of fibres light passes, too.
+        let leaves = object.fibre && wi.dot(surface.ng) > 0.0;
+        if !cut_out && !leaves && !object.is_open_to_light(at.inside.meet(object, hit.shape, hit.exiting)) {
             return Spectrum::ZERO;
         }
         if let Some(m) = at.medium {

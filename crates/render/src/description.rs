@@ -349,10 +349,39 @@ pub enum MaterialKind {
         /// Share of the second.
         amount: FloatTextureId,
     },
+    /// A fibre of hair or fur.
+    Hair {
+        /// What its core absorbs.
+        absorption: HairAbsorption,
+        /// Index of the core.
+        eta: FloatTextureId,
+        /// Longitudinal roughness.
+        beta_m: FloatTextureId,
+        /// Azimuthal roughness.
+        beta_n: FloatTextureId,
+        /// Tilt of the scales \[degrees\].
+        alpha: FloatTextureId,
+    },
     /// A material that is read but shown as something else; `io` has warned.
     StandIn {
         /// Grey or coloured diffuse stand-in.
         reflectance: SpectrumTextureId,
+    },
+}
+
+/// How the colour of hair is described.
+#[derive(Clone, Debug)]
+pub enum HairAbsorption {
+    /// Absorption coefficient per radius of the fibre.
+    Coefficient(SpectrumTextureId),
+    /// Colour of a mass of such hair.
+    Reflectance(SpectrumTextureId),
+    /// Concentrations of the two pigments.
+    Pigments {
+        /// Brown to black.
+        eumelanin: FloatTextureId,
+        /// Yellow to red.
+        pheomelanin: FloatTextureId,
     },
 }
 
@@ -746,6 +775,8 @@ pub struct LightDescription {
     pub kind: LightKind,
     /// Medium around the light.
     pub medium: Option<MediumId>,
+    /// Corners in world space of a rectangle through which alone an infinite light shines.
+    pub portal: Option<[Vec3; 4]>,
 }
 
 /// Kinds of lights.

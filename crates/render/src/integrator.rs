@@ -363,7 +363,9 @@ impl Integrator {
         wavelengths: &Wavelengths<N>,
         light: &mut Light<N>,
     ) {
-        let radiance = scene.lights.environment(path.walker.d, wavelengths);
+        // A portal asks for the line: it starts where the direction was drawn, or at the last smooth boundary.
+        let from = if path.walker.direction_pdf.is_some() { path.walker.scatter_point } else { path.walker.p };
+        let radiance = scene.lights.environment(from, path.walker.d, wavelengths);
         if radiance.is_black() {
             return;
         }
@@ -419,12 +421,12 @@ impl Integrator {
             }
         }
 
-        // Pass what is not there: mere interfaces, boundaries within a body of higher rank, and between equal indices.
+        // Pass what is not there: walls of fibres from inside, mere interfaces, boundaries within a body of higher rank, and between equal indices.
         let meeting = match object.body {
             Some(_) => path.inside.meet(object, hit.shape, hit.exiting),
             None => Meeting::True(1.0),
         };
-        if object.is_open_to_light(meeting) {
+        if object.is_open_to_light(meeting) || (object.fibre && wo.dot(surface.ng) < 0.0) {
             path.change_medium(scene, object, hit, &point, path.walker.d.dot(surface.ng) > 0.0, wavelengths, counters);
             return true;
         }

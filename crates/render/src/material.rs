@@ -4,6 +4,7 @@
 //! at a point and returns the BSDF there. A `subsurface` material is a boundary ([`Materials::smooth_eta`]) around a medium
 //! ([`Materials::medium_at`]). Parameters mean what they mean in pbrt-v4; where that is not obvious it is said beside them.
 
+use moonmilk_core::upsampling::sample_unbounded;
 use moonmilk_core::{Frame, Spectra, Vec2, Vec3, Wavelengths};
 use moonmilk_geometry::Surface;
 use moonmilk_optics::AlbedoTable;
@@ -11,15 +12,19 @@ use moonmilk_walk::Medium;
 use thiserror::Error;
 
 use crate::bsdf::ggx::{SMOOTH_ALPHA, roughness_to_alpha};
-use crate::bsdf::{Base, Bsdf, Conductor, Dielectric, Diffuse, DiffuseTransmission, Ggx, Layered, Shaded};
+use crate::bsdf::{Base, Bsdf, Conductor, Dielectric, Diffuse, DiffuseTransmission, Ggx, Hair, Layered, Shaded};
 use crate::description::{
-    ConductorColor, FloatTextureId, IndexSpectrum, MaterialId, MaterialKind, Place, Roughness, SceneDescription,
-    SpectrumTextureId, SubsurfaceMedium,
+    ConductorColor, FloatTextureId, HairAbsorption, IndexSpectrum, MaterialId, MaterialKind, Place, Roughness,
+    SceneDescription, SpectrumTextureId, SubsurfaceMedium,
 };
 use crate::texture::{Role, TexturePoint, Textures, property};
 
 /// Step of the parameters with which a displacement is differentiated, pbrt-v4's where it knows no better.
 const BUMP_STEP: f32 = 5e-4;
+
+/// Absorption of the pigments of hair at concentration 1, linear sRGB, as pbrt-v4 (`bxdfs.cpp`) after \[DEon2011b\].
+const EUMELANIN: [f32; 3] = [0.419, 0.697, 1.37];
+const PHEOMELANIN: [f32; 3] = [0.187, 0.4, 1.05];
 
 /// Why a material or texture is not usable.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
@@ -105,6 +110,15 @@ impl Materials {
         match (&m.kind, &m.index) {
             (MaterialKind::Dielectric { .. } | MaterialKind::Subsurface { .. }, Some(i)) => i.spectrum.eval(550.0),
             _ => 1.0,
+        }
+    }
+
+    /// Returns whether the material is hair: light that enters such a fibre leaves it on any side, so that its walls stop nothing from inside.
+    pub fn is_fibre(&self, id: MaterialId) -> bool {
+        match &self.list[id].kind {
+            MaterialKind::Hair { .. } => true,
+            MaterialKind::Mix { materials, .. } => materials.iter().all(|&part| self.is_fibre(part)),
+            _ => false,
         }
     }
 
@@ -265,6 +279,21 @@ impl Materials {
                 metal.k /= coat.eta;
                 layered(coat, Base::Conductor(metal), *thickness, *g, *layer, *max_depth, *samples)
             }
+            MaterialKind::Hair { absorption, eta, beta_m, beta_n, alpha } => {
+                // Textures may leave the domain of the fits; pbrt-v4 takes its ends.
+                let rough = |id| t.eval_float(id, at).clamp(0.01, 1.0);
+                let beta_n = rough(*beta_n);
+                let sigma_a = match absorption {
+                    HairAbsorption::Coefficient(s) => t.eval_spectrum(*s, at, w, Role::Unbounded),
+                    HairAbsorption::Reflectance(r) => Hair::absorption_of(albedo(*r), beta_n),
+                    HairAbsorption::Pigments { eumelanin, pheomelanin } => {
+                        let (e, p) = (t.eval_float(*eumelanin, at).max(0.0), t.eval_float(*pheomelanin, at).max(0.0));
+                        sample_unbounded(std::array::from_fn(|c| e * EUMELANIN[c] + p * PHEOMELANIN[c]), w)
+                    }
+                };
+                let eta = t.eval_float(*eta, at).max(1e-3);
+                Bsdf::Hair(Hair::new(sigma_a, eta, rough(*beta_m), beta_n, t.eval_float(*alpha, at).to_radians()))
+            }
             MaterialKind::Interface | MaterialKind::Mix { .. } => Bsdf::Dielectric(dielectric(None)),
         }
     }
@@ -412,6 +441,21 @@ fn prepare(d: &SceneDescription, id: MaterialId, t: &Textures) -> Result<Prepare
                 SubsurfaceMedium::Reflectance { reflectance, mfp } => {
                     albedo(*reflectance).and_then(|()| value(*mfp))?;
                     prepared.albedo = Some(AlbedoTable::new(f64::from(*eta)).map_err(|e| e.to_string())?);
+                }
+            }
+        }
+        MaterialKind::Hair { absorption, eta, beta_m, beta_n, alpha } => {
+            [eta, beta_m, beta_n, alpha].into_iter().try_for_each(|&id| float(id))?;
+            for (id, what) in [(beta_m, "beta_m"), (beta_n, "beta_n")] {
+                if let Some(x) = t.constant_float(*id).filter(|x| !(*x > 0.0 && *x <= 1.0)) {
+                    return Err(format!("{what} = {x} is outside (0, 1]"));
+                }
+            }
+            match absorption {
+                HairAbsorption::Coefficient(s) => value(*s)?,
+                HairAbsorption::Reflectance(r) => albedo(*r)?,
+                HairAbsorption::Pigments { eumelanin, pheomelanin } => {
+                    float(*eumelanin).and_then(|()| float(*pheomelanin))?;
                 }
             }
         }

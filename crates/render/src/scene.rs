@@ -148,6 +148,8 @@ pub struct Object {
     pub reach: Bounds,
     /// Opacity.
     pub alpha: Option<FloatTextureId>,
+    /// A fibre of hair: rays from inside pass its walls.
+    pub fibre: bool,
     /// Whether light sampling inside can reach a light.
     pub connects: bool,
     /// Whether some rays of light may pass straight: interfaces, cut-outs, boundaries that overlap others.

@@ -86,6 +86,48 @@ struct Pending {
     displacement: Name,
 }
 
+/// Most triangles of a mesh that curves share.
+const MAX_SHARED: usize = 1 << 20;
+
+impl Pending {
+    /// Takes over the triangles of a curve if nothing else tells the two apart.
+    fn absorb(&mut self, other: &Pending) -> bool {
+        let same = |a: &Name, b: &Name| a.as_ref().map(|n| &n.0) == b.as_ref().map(|n| &n.0);
+        let material = match (&self.material, &other.material) {
+            (MaterialRef::Unnamed(a), MaterialRef::Unnamed(b)) => a == b,
+            (MaterialRef::Named(a, _), MaterialRef::Named(b, _)) => a == b,
+            _ => false,
+        };
+        let plain = |p: &Pending| p.area_light.is_none() && p.alpha.is_none() && p.displacement.is_none();
+        let alike = material
+            && self.name == other.name
+            && self.object_to_world == other.object_to_world
+            && self.reverse_orientation == other.reverse_orientation
+            && same(&self.inside, &other.inside)
+            && same(&self.outside, &other.outside)
+            && plain(self)
+            && plain(other);
+        let (Some(mine), GeometryDescription::Mesh { positions, normals, uvs, indices }) =
+            (Arc::get_mut(&mut self.geometry).filter(|_| alike), &*other.geometry)
+        else {
+            return false;
+        };
+        match mine {
+            GeometryDescription::Mesh { positions: p, normals: n, uvs: u, indices: i }
+                if i.len() + indices.len() <= MAX_SHARED =>
+            {
+                let first = p.len() as u32;
+                p.extend_from_slice(positions);
+                n.extend_from_slice(normals);
+                u.extend_from_slice(uvs);
+                i.extend(indices.iter().map(|t| t.map(|v| v + first)));
+                true
+            }
+            _ => false,
+        }
+    }
+}
+
 /// All that has been said.
 pub(crate) struct Builder {
     state: State,
@@ -399,7 +441,25 @@ impl Builder {
                 }
             }
             // How rays find shapes makes no difference to the picture.
-            "Accelerator" => {}
+            "Accelerator" => {
+                let mut params = plain("accelerator", own);
+                match kind.as_str() {
+                    "bvh" => params.ignore(&[("maxnodeprims", &[Type::Integer]), ("splitmethod", &[Type::String])]),
+                    "kdtree" => params.ignore(&[
+                        ("intersectcost", &[Type::Integer]),
+                        ("traversalcost", &[Type::Integer]),
+                        ("emptybonus", &[Type::Float]),
+                        ("maxprims", &[Type::Integer]),
+                        ("maxdepth", &[Type::Integer]),
+                    ]),
+                    _ => {
+                        let help = did_you_mean(&kind, &["bvh", "kdtree"], "accepted");
+                        cx.error_help(at, format!("`{kind}` is no type of accelerator"), help);
+                        return;
+                    }
+                }
+                params.finish(cx);
+            }
             "Attribute" => self.attribute(cx, &kind, at, own),
             "MakeNamedMedium" => {
                 if self.medium_names.contains_key(&kind) {
@@ -471,10 +531,15 @@ impl Builder {
             }
             return;
         }
-        match &mut self.object {
-            Some((_, shapes)) => shapes.push(pending),
-            None => self.shapes.push(pending),
+        let list = match &mut self.object {
+            Some((_, shapes)) => shapes,
+            None => &mut self.shapes,
+        };
+        // Hair comes as a shape per strand: neighbours of one kind share a mesh.
+        if kind == "curve" && list.last_mut().is_some_and(|last| last.absorb(&pending)) {
+            return;
         }
+        list.push(pending);
     }
 
     fn attribute(&mut self, cx: &mut Context, target: &str, at: Spot, own: Vec<Param>) {

@@ -46,6 +46,9 @@ fn decode(cx: &mut Context, bytes: &[u8], path: &str, spot: Spot, encoding: &str
         cx.error_help(spot, format!("`{encoding}` is no encoding"), "accepted: sRGB, linear, gamma G");
         return None;
     };
+    if crate::exr::is_exr(bytes) && crate::exr::has_other_primaries(bytes) {
+        cx.warn(spot, format!("{path}: its primaries are not those of sRGB, but its values are read as if they were"));
+    }
     let described = load_texture(bytes, path, encoding).and_then(|picture| {
         let [r, g, b] = picture.require_rgb()?;
         let rgb = r.iter().zip(g).zip(b).map(|((&r, &g), &b)| [r, g, b]).collect();

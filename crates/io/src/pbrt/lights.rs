@@ -33,7 +33,7 @@ pub(crate) fn light(
     let place = cx.place(p.spot);
     let mut scale = p.float(cx, "scale", 1.0);
     let mut placement = to_world;
-    let mut power = None;
+    let (mut power, mut portal) = (None, None);
     let kind = match kind {
         "point" => {
             let intensity = spectrum(cx, &mut p, "I", Role::Illuminant).unwrap_or_else(|| white(p.color_space));
@@ -59,7 +59,10 @@ pub(crate) fn light(
             distinct(cx, &p, from, to);
             LightKind::Distant { from, to, irradiance }
         }
-        "infinite" => infinite(cx, images, &mut p, &mut scale)?,
+        "infinite" => {
+            portal = corners(cx, &mut p)?;
+            infinite(cx, images, &mut p, &mut scale)?
+        }
         "goniometric" => {
             let intensity = spectrum(cx, &mut p, "I", Role::Illuminant).unwrap_or_else(|| white(p.color_space));
             power = p.float_or_none(cx, "power").filter(|&power| power > 0.0);
@@ -97,7 +100,7 @@ pub(crate) fn light(
     if !placement.is_finite() {
         placement = DMat4::IDENTITY;
     }
-    Some(LightDescription { place, light_to_world: placement.as_mat4(), scale, power, kind, medium })
+    Some(LightDescription { place, light_to_world: placement.as_mat4(), scale, power, kind, medium, portal })
 }
 
 fn distinct(cx: &mut Context, p: &Params, from: Vec3, to: Vec3) {
@@ -121,13 +124,21 @@ fn spot_solid_angle(cone_angle: f32, delta: f32) -> f32 {
     2.0 * PI * ((1.0 - start) + (start - end) / 2.0)
 }
 
+/// The corners of a portal, in world space whatever transform is in force, as pbrt; `None` after an error.
+fn corners(cx: &mut Context, p: &mut Params) -> Option<Option<[Vec3; 4]>> {
+    let Some((points, spot)) = p.vec3s(cx, "portal", &[Type::Point3]) else {
+        return Some(None);
+    };
+    let found = <[Vec3; 4]>::try_from(points.as_slice());
+    if found.is_err() {
+        cx.error(spot, format!("`portal` takes 4 points, {} given", points.len()));
+    }
+    found.ok().map(Some)
+}
+
 fn infinite(cx: &mut Context, images: &mut Images, p: &mut Params, scale: &mut f32) -> Option<LightKind> {
     let radiance = spectrum(cx, p, "L", Role::Illuminant);
     let file = p.string(cx, "filename").filter(|(path, _)| !path.is_empty());
-    if p.find("portal", &[Type::Point3]).is_some() {
-        let spot = p.spot_of("portal");
-        cx.warn(spot, "portals are not supported yet: the light comes from all directions");
-    }
     let Some((path, spot)) = file else {
         *scale *= target(cx, p, "illuminance", PI);
         return Some(LightKind::Constant { radiance: radiance.unwrap_or_else(|| white(p.color_space)) });

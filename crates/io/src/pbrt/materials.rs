@@ -4,8 +4,8 @@ use std::collections::HashMap;
 
 use moonmilk_core::named::NAMES;
 use moonmilk_render::description::{
-    ConductorColor, IndexSpectrum, MaterialDescription, MaterialId, MaterialKind, Roughness, SpectrumDescription,
-    SubsurfaceMedium,
+    ConductorColor, HairAbsorption, IndexSpectrum, MaterialDescription, MaterialId, MaterialKind, Roughness,
+    SpectrumDescription, SubsurfaceMedium,
 };
 
 use super::context::Context;
@@ -112,7 +112,7 @@ fn make(
                 None
             } else {
                 p.entity = format!("material \"{kind}\"");
-                kind_of(cx, textures, names, id, &mut p, &kind, spot, &mut checked)
+                kind_of(cx, textures, names, id, &mut p, &kind, spot)
             }
         }
     };
@@ -154,7 +154,6 @@ fn kind_of(
     p: &mut Params,
     kind: &str,
     spot: Spot,
-    checked: &mut bool,
 ) -> Option<MaterialKind> {
     use SpectrumDescription::Constant;
     Some(match kind {
@@ -215,17 +214,50 @@ fn kind_of(
         "thindielectric" => MaterialKind::ThinDielectric { eta: index(cx, p, "eta", 1.5) },
         "subsurface" => subsurface(cx, t, p)?,
         "mix" => mix(cx, t, names, id, p)?,
-        "hair" => {
-            *checked = false;
-            cx.warn(spot, "materials of type `hair` are not supported yet: a diffuse brown is used");
-            MaterialKind::StandIn { reflectance: t.constant_spectrum(SpectrumDescription::Rgb([0.25, 0.14, 0.08])) }
-        }
+        "hair" => hair(cx, t, p),
         _ => {
-            *checked = false;
+            p.ignore(&[("filename", &[Type::String])]);
             cx.warn(spot, format!("materials of type `{kind}` are not supported yet: a diffuse grey is used"));
             MaterialKind::StandIn { reflectance: t.constant_spectrum(Constant(0.5)) }
         }
     })
+}
+
+/// The colour of hair in one of four forms, of which the first given counts; pbrt's defaults.
+fn hair(cx: &mut Context, t: &mut Textures, p: &mut Params) -> MaterialKind {
+    let sigma_a = t.spectrum_or_none(cx, p, "sigma_a", Role::Unbounded);
+    let reflectance = t.spectrum_or_none(cx, p, "reflectance", Role::Albedo);
+    let reflectance = reflectance.or(t.spectrum_or_none(cx, p, "color", Role::Albedo));
+    let eumelanin = t.float_or_none(cx, p, "eumelanin");
+    let pheomelanin = t.float_or_none(cx, p, "pheomelanin");
+    // Say which of the parameters a more specific form overrides.
+    let by = if sigma_a.is_some() { "sigma_a" } else { "reflectance" };
+    let others: &[&str] = match (sigma_a, reflectance) {
+        (Some(_), _) => &["reflectance", "color", "eumelanin", "pheomelanin"],
+        (None, Some(_)) => &["eumelanin", "pheomelanin"],
+        _ => &[],
+    };
+    for &name in others.iter().filter(|n| p.has(n)) {
+        cx.warn(p.spot_of(name), format!("`{name}` is not used: `{by}` determines the colour of the hair"));
+    }
+    let absorption = match (sigma_a, reflectance) {
+        (Some(s), _) => HairAbsorption::Coefficient(s),
+        (None, Some(r)) => HairAbsorption::Reflectance(r),
+        (None, None) => {
+            let default = if eumelanin.is_none() && pheomelanin.is_none() { 1.3 } else { 0.0 };
+            HairAbsorption::Pigments {
+                eumelanin: eumelanin.unwrap_or_else(|| t.constant(default)),
+                pheomelanin: pheomelanin.unwrap_or_else(|| t.constant(0.0)),
+            }
+        }
+    };
+    MaterialKind::Hair {
+        absorption,
+        eta: t.float(cx, p, "eta", 1.55),
+        beta_m: t.float(cx, p, "beta_m", 0.3),
+        beta_n: t.float(cx, p, "beta_n", 0.3),
+        alpha: t.float(cx, p, "alpha", 2.0),
+    }
 }
 
 /// Roughness under three names: both axes, first axis, second axis.

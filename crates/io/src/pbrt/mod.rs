@@ -15,6 +15,7 @@
 mod builder;
 mod camera;
 mod context;
+mod curves;
 mod error;
 mod files;
 mod images;

@@ -10,11 +10,15 @@ use moonmilk_core::{Vec2, Vec3};
 use moonmilk_render::description::GeometryDescription;
 
 use super::context::Context;
+use super::curves::curve;
 use super::files::gunzip;
 use super::lexer::Spot;
 use super::params::{FLOAT_TEXTURE, Params, Type, Values, did_you_mean};
 use super::subdivision::subdivide;
 use crate::ply;
+
+/// Name of curves that lie flat, which hair cannot be.
+pub(crate) const RIBBON: &str = "curve of type ribbon";
 
 /// A shape's opacity as the file gives it.
 #[derive(Clone, Debug)]
@@ -99,8 +103,11 @@ pub(crate) fn shape(cx: &mut Context, meshes: &mut Meshes, kind: &str, at: Spot,
             }
         }
         "curve" => {
-            cx.warn_once(at, "curves are not supported yet: they are left out");
-            return None;
+            let (geometry, ribbon) = curve(cx, &mut p);
+            if ribbon {
+                name = RIBBON.into();
+            }
+            geometry
         }
         _ => {
             let help = match kind {

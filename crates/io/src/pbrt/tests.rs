@@ -1,5 +1,6 @@
 //! Tests of the loader: snippets per directive, a whole description, exact texts of errors, damaged input, real files.
 
+mod complete;
 mod damage;
 mod directives;
 mod errors;

@@ -17,11 +17,13 @@
 //! | rough dielectric, rough conductor | light that facets shadow is lost, as in pbrt-v4: at 81 degrees and alpha .1, .3, .5 white metal loses 11, 18, 31 %, glass up to 7, 20, 33 % (tests) |
 //! | coats | the layered walk ends after `max_depth` interfaces, as pbrt-v4's |
 //! | [`boundary`] | exactly, with interpolated normals |
+//! | [`hair`] | exactly |
 
 pub mod boundary;
 pub mod conductor;
 pub mod dielectric;
 pub mod ggx;
+pub mod hair;
 pub mod lambert;
 pub mod layered;
 mod shaded;
@@ -35,6 +37,7 @@ pub use boundary::{Crossing, cross};
 pub use conductor::Conductor;
 pub use dielectric::Dielectric;
 pub use ggx::Ggx;
+pub use hair::Hair;
 pub use lambert::{Diffuse, DiffuseTransmission};
 pub use layered::{Base, Layered};
 pub use shaded::Shaded;
@@ -92,6 +95,8 @@ pub enum Bsdf<const N: usize> {
     Conductor(Conductor<N>),
     /// A dielectric coat over a Lambertian or metallic base.
     Layered(Layered<N>),
+    /// A fibre of hair, x along it.
+    Hair(Hair<N>),
 }
 
 impl<const N: usize> Bsdf<N> {
@@ -108,6 +113,7 @@ impl<const N: usize> Bsdf<N> {
             Self::ThinDielectric(_) => Spectrum::ZERO,
             Self::Conductor(b) => b.eval(wo, wi),
             Self::Layered(b) => b.eval(wo, wi),
+            Self::Hair(b) => b.eval(wo, wi),
         }
     }
 
@@ -126,6 +132,7 @@ impl<const N: usize> Bsdf<N> {
             Self::ThinDielectric(_) => 0.0,
             Self::Conductor(b) => b.pdf(wo, wi),
             Self::Layered(b) => b.pdf(wo, wi),
+            Self::Hair(b) => b.pdf(wo, wi),
         }
     }
 
@@ -142,6 +149,7 @@ impl<const N: usize> Bsdf<N> {
             Self::ThinDielectric(eta) => Some(dielectric::sample_thin(*eta, wo, uc)),
             Self::Conductor(b) => b.sample(wo, u),
             Self::Layered(b) => b.sample(wo, uc, u),
+            Self::Hair(b) => b.sample(wo, uc, u),
         };
         // Grazing directions and vanishing densities end the path instead of dividing by zero.
         s.filter(|s| s.pdf > 0.0 && s.wi.z != 0.0 && s.f.is_finite() && !s.f.is_black())
@@ -151,7 +159,7 @@ impl<const N: usize> Bsdf<N> {
     #[inline]
     pub fn is_specular(&self) -> bool {
         match self {
-            Self::Diffuse(_) | Self::DiffuseTransmission(_) => false,
+            Self::Diffuse(_) | Self::DiffuseTransmission(_) | Self::Hair(_) => false,
             Self::Dielectric(b) => b.rough().is_none(),
             Self::ThinDielectric(_) => true,
             Self::Conductor(b) => b.ggx.is_none(),
@@ -162,7 +170,7 @@ impl<const N: usize> Bsdf<N> {
     /// Returns whether light may pass to the other side.
     #[inline]
     pub fn transmits(&self) -> bool {
-        matches!(self, Self::DiffuseTransmission(_) | Self::Dielectric(_) | Self::ThinDielectric(_))
+        matches!(self, Self::DiffuseTransmission(_) | Self::Dielectric(_) | Self::ThinDielectric(_) | Self::Hair(_))
     }
 
     /// Returns whether the event was computed for the hero wavelength only (dispersion): the caller then drops the other lanes.
@@ -183,6 +191,7 @@ impl<const N: usize> Bsdf<N> {
             Self::DiffuseTransmission(b) => (b.reflectance + b.transmittance).map(one),
             Self::Dielectric(_) | Self::ThinDielectric(_) => Spectrum::ONE,
             Self::Conductor(b) => b.fresnel(1.0),
+            Self::Hair(b) => b.albedo().map(one),
             Self::Layered(b) => match b.base {
                 Base::Diffuse(d) => d.reflectance.map(one),
                 Base::Conductor(c) => c.fresnel(1.0),

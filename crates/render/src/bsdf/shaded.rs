@@ -2,12 +2,12 @@
 
 use moonmilk_core::{Frame, Spectrum, Vec3};
 
-use super::{Bsdf, BsdfSample};
+use super::{Bsdf, BsdfSample, Kind};
 
 /// A BSDF at a point of a surface: evaluated about the shading normal, classified by the geometric one.
 ///
 /// Whether a pair of directions reflects or transmits is a fact of the true surface. Pairs on which the two normals disagree scatter nothing,
-/// so that no light leaks through closed surfaces.
+/// so that no light leaks through closed surfaces. Fibres of hair are the exception: they scatter to all sides of themselves.
 #[derive(Clone, Copy, Debug)]
 pub struct Shaded<const N: usize> {
     /// Scattering in the local frame.
@@ -21,7 +21,7 @@ pub struct Shaded<const N: usize> {
 impl<const N: usize> Shaded<N> {
     #[inline]
     fn agree(&self, wo: Vec3, wi: Vec3, local_product: f32) -> bool {
-        (wo.dot(self.ng) * wi.dot(self.ng) > 0.0) == (local_product > 0.0)
+        (wo.dot(self.ng) * wi.dot(self.ng) > 0.0) == (local_product > 0.0) || matches!(self.bsdf, Bsdf::Hair(_))
     }
 
     /// Returns the value for world directions, without cosine [1/sr].
@@ -55,7 +55,13 @@ impl<const N: usize> Shaded<N> {
         let o = self.frame.to_local(wo);
         let s = self.bsdf.sample(o, uc, u)?;
         let wi = self.frame.to_world(s.wi).normalize();
-        self.agree(wo, wi, o.z * s.wi.z).then_some(BsdfSample { wi, ..s })
+        // The side on which a fibre is left is a fact of the true surface, too.
+        let kind = match self.bsdf {
+            Bsdf::Hair(_) if wo.dot(self.ng) * wi.dot(self.ng) > 0.0 => Kind::Reflection,
+            Bsdf::Hair(_) => Kind::Transmission,
+            _ => s.kind,
+        };
+        self.agree(wo, wi, o.z * s.wi.z).then_some(BsdfSample { wi, kind, ..s })
     }
 
     /// Returns |w . ns|.

@@ -13,7 +13,50 @@ use super::distribution::PixelDistribution;
 use super::emission::{LUMINANCE, Picture, factor, mean_of};
 use super::error::LightError;
 use super::octahedral::{direction_of, square_of};
+use super::portal::Portal;
 use crate::description::{ImageDescription, Place};
+
+/// A light that shines through a portal.
+#[derive(Debug)]
+struct Windowed {
+    portal: Portal,
+    source: Source,
+    mean: f32,
+}
+
+#[derive(Debug)]
+enum Source {
+    Constant(Spectra),
+    Picture(PictureLight),
+}
+
+/// Share of the samples of a light behind a portal that look at the portal; the rest follow its picture, where a sun may be.
+const AT_PORTAL: f32 = 0.5;
+
+impl Windowed {
+    fn radiance<const N: usize>(&self, p: Vec3, d: Vec3, wavelengths: &Wavelengths<N>) -> Spectrum<N> {
+        match &self.source {
+            _ if !self.portal.is_open(p, d) => Spectrum::ZERO,
+            Source::Constant(s) => s.sample(wavelengths),
+            Source::Picture(picture) => picture.radiance(d, wavelengths),
+        }
+    }
+
+    fn pdf(&self, p: Vec3, d: Vec3) -> f32 {
+        match &self.source {
+            Source::Constant(_) => self.portal.pdf(p, d),
+            Source::Picture(picture) => AT_PORTAL * self.portal.pdf(p, d) + (1.0 - AT_PORTAL) * picture.pdf(d),
+        }
+    }
+
+    /// Chooses a direction; `choice` in \[0, 1) between the portal and the picture.
+    fn sample(&self, p: Vec3, choice: f64, u: [f64; 2]) -> Option<Vec3> {
+        match &self.source {
+            Source::Picture(picture) if choice >= f64::from(AT_PORTAL) => picture.sample(u),
+            _ => self.portal.sample(p, u),
+        }
+    }
+}
 
 /// All lights at infinity that are not single directions.
 #[derive(Debug, Default)]
@@ -22,6 +65,7 @@ pub struct Environment {
     /// Mean radiance of the constants.
     constant_mean: f32,
     pictures: Vec<PictureLight>,
+    windowed: Vec<Windowed>,
     /// Mean radiance of everything.
     mean: f32,
 }
@@ -41,26 +85,43 @@ impl Environment {
         self.pictures.push(light);
     }
 
+    /// Adds a light of constant radiance behind a portal.
+    pub fn add_constant_behind(&mut self, portal: Portal, radiance: Spectra) {
+        let mean = mean_of(&radiance) as f32;
+        self.mean += mean;
+        self.windowed.push(Windowed { portal, source: Source::Constant(radiance), mean });
+    }
+
+    /// Adds a picture behind a portal.
+    pub fn add_picture_behind(&mut self, portal: Portal, light: PictureLight) {
+        let mean = light.mean;
+        self.mean += mean;
+        self.windowed.push(Windowed { portal, source: Source::Picture(light), mean });
+    }
+
     /// Returns an estimate of the irradiance that everything at infinity causes; 0 if all is black.
     pub fn importance(&self) -> f32 {
         PI * self.mean
     }
 
-    /// Returns the radiance that arrives from the unit direction `d`.
+    /// Returns the radiance that arrives at p from the unit direction `d`; only portals ask where p is.
     #[inline]
-    pub fn radiance<const N: usize>(&self, d: Vec3, wavelengths: &Wavelengths<N>) -> Spectrum<N> {
+    pub fn radiance<const N: usize>(&self, p: Vec3, d: Vec3, wavelengths: &Wavelengths<N>) -> Spectrum<N> {
         let mut sum = Spectrum::ZERO;
         for c in &self.constants {
             sum += c.sample(wavelengths);
         }
-        for p in &self.pictures {
-            sum += p.radiance(d, wavelengths);
+        for picture in &self.pictures {
+            sum += picture.radiance(d, wavelengths);
+        }
+        for light in &self.windowed {
+            sum += light.radiance(p, d, wavelengths);
         }
         sum
     }
 
     /// Returns the density of [`Environment::sample`] for the unit direction `d` [1/sr].
-    pub fn pdf(&self, n: Option<Vec3>, d: Vec3) -> f32 {
+    pub fn pdf(&self, p: Vec3, n: Option<Vec3>, d: Vec3) -> f32 {
         if self.mean == 0.0 {
             return 0.0;
         }
@@ -68,20 +129,31 @@ impl Environment {
             Some(n) => n.dot(d).max(0.0) * FRAC_1_PI,
             None => 0.25 * FRAC_1_PI,
         };
-        let sum = self.pictures.iter().fold(self.constant_mean * constant, |s, p| s + p.mean * p.pdf(d));
-        sum / self.mean
+        let sum = self.pictures.iter().fold(self.constant_mean * constant, |s, l| s + l.mean * l.pdf(d));
+        self.windowed.iter().fold(sum, |s, l| s + l.mean * l.pdf(p, d)) / self.mean
     }
 
     /// Chooses a direction at a point with normal `n`, or in a medium, for a variate that chooses the light and two that
     /// choose the direction.
     ///
     /// Each light is chosen in proportion to its mean radiance. A constant one is sampled by the cosine to n, or uniformly over
-    /// the sphere; a picture in proportion to its pixels.
-    pub fn sample(&self, n: Option<Vec3>, choice: f64, u: [f64; 2]) -> Option<Vec3> {
+    /// the sphere; a picture in proportion to its pixels; one behind a portal by the portal as well.
+    pub fn sample(&self, p: Vec3, n: Option<Vec3>, choice: f64, u: [f64; 2]) -> Option<Vec3> {
         let mut choice = choice * f64::from(self.mean) - f64::from(self.constant_mean);
-        if choice < 0.0 || self.pictures.is_empty() {
+        if choice < 0.0 || (self.pictures.is_empty() && self.windowed.is_empty()) {
             return (self.mean > 0.0).then(|| constant_direction(n, u));
         }
+        let behind: f64 = self.windowed.iter().map(|l| f64::from(l.mean)).sum();
+        if choice < behind || self.pictures.is_empty() {
+            for (i, light) in self.windowed.iter().enumerate() {
+                let mean = f64::from(light.mean);
+                if choice < mean || i + 1 == self.windowed.len() {
+                    return light.sample(p, (choice / mean).clamp(0.0, 1.0 - f64::EPSILON), u);
+                }
+                choice -= mean;
+            }
+        }
+        choice -= behind;
         let mut chosen = &self.pictures[0];
         for p in self.pictures.iter().filter(|p| p.mean > 0.0) {
             chosen = p;

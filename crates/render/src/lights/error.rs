@@ -52,6 +52,12 @@ pub enum LightError {
         /// Where the light was defined.
         place: Place,
     },
+    /// The corners of a portal are no rectangle.
+    #[error("{place}: the four corners of the portal are not those of a rectangle, in order")]
+    Portal {
+        /// Where the light was defined.
+        place: Place,
+    },
     /// A shape has no area to emit from.
     #[error("{place}: {name} cannot emit light: its transform is singular")]
     Shape {

@@ -17,6 +17,7 @@ mod emitters;
 mod environment;
 mod error;
 pub mod octahedral;
+mod portal;
 mod punctual;
 mod spherical_triangle;
 mod surface;
@@ -39,6 +40,7 @@ use std::sync::Arc;
 
 use emission::{Emission, Picture, factor};
 use environment::{Environment, PictureLight};
+use portal::Portal;
 use punctual::{Distant, Punctual};
 use tree::LightTree;
 
@@ -199,12 +201,19 @@ impl Lights {
             LightKind::Distant { .. } => self.distant.push(Distant::new(light)?),
             LightKind::Constant { radiance } => {
                 let f = factor(light.scale, light.power, PI, &light.place)?;
-                self.environment.add_constant(emission(radiance, f, &light.place)?);
+                let radiance = emission(radiance, f, &light.place)?;
+                match light.portal {
+                    Some(p) => self.environment.add_constant_behind(Portal::new(p, &light.place)?, radiance),
+                    None => self.environment.add_constant(radiance),
+                }
             }
             LightKind::Environment { image } => {
                 let image = &scene.images[*image];
                 let picture = PictureLight::new(image, &light.light_to_world, light.scale, light.power, &light.place)?;
-                self.environment.add_picture(picture);
+                match light.portal {
+                    Some(p) => self.environment.add_picture_behind(Portal::new(p, &light.place)?, picture),
+                    None => self.environment.add_picture(picture),
+                }
             }
         }
         Ok(())
@@ -252,9 +261,9 @@ impl Lights {
         choice -= share;
         let share = shares.of(shares.environment);
         if choice < share {
-            let wi = self.environment.sample(n, choice / share, u)?;
-            let pdf = share as f32 * self.environment.pdf(n, wi);
-            let radiance = self.environment.radiance(wi, wavelengths);
+            let wi = self.environment.sample(p, n, choice / share, u)?;
+            let pdf = share as f32 * self.environment.pdf(p, n, wi);
+            let radiance = self.environment.radiance(p, wi, wavelengths);
             return at_infinity(radiance, wi, pdf, false);
         }
         choice -= share;
@@ -391,10 +400,10 @@ impl Lights {
         }
     }
 
-    /// Returns the radiance that arrives from infinity along the unit direction `d` away from the scene.
+    /// Returns the radiance that arrives from infinity at p, from where the unit direction `d` leaves the scene.
     #[inline]
-    pub fn environment<const N: usize>(&self, d: Vec3, wavelengths: &Wavelengths<N>) -> Spectrum<N> {
-        self.environment.radiance(d, wavelengths)
+    pub fn environment<const N: usize>(&self, p: Vec3, d: Vec3, wavelengths: &Wavelengths<N>) -> Spectrum<N> {
+        self.environment.radiance(p, d, wavelengths)
     }
 
     /// Returns the density with which [`Lights::sample`] from (p, n) yields the direction `d` to infinity.
@@ -403,7 +412,7 @@ impl Lights {
             return 0.0;
         }
         let shares = self.shares(p, n);
-        shares.of(shares.environment) as f32 * self.environment.pdf(n, d)
+        shares.of(shares.environment) as f32 * self.environment.pdf(p, n, d)
     }
 
     /// Estimates what each group may contribute at a point.

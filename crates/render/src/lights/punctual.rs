@@ -230,7 +230,7 @@ impl Punctual {
         };
         let mut irradiance = self.intensity.sample(wavelengths) * (f64::from(weight) * inverse_square) as f32;
         if let Some(rgb) = colour {
-            irradiance = irradiance * sample_unbounded(rgb, wavelengths);
+            irradiance *= sample_unbounded(rgb, wavelengths);
         }
         (weight > 0.0 && irradiance.is_finite()).then_some((irradiance, wi, distance as f32))
     }

@@ -6,6 +6,7 @@ mod choice;
 mod closed_forms;
 mod forms;
 mod input;
+mod portals;
 
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -98,7 +99,8 @@ fn cylinder(radius: f32, phi_max: f32) -> GeometryDescription {
 }
 
 fn light(kind: LightKind) -> LightDescription {
-    LightDescription { place: place(), light_to_world: Mat4::IDENTITY, scale: 1.0, power: None, kind, medium: None }
+    let light_to_world = Mat4::IDENTITY;
+    LightDescription { place: place(), light_to_world, scale: 1.0, power: None, kind, medium: None, portal: None }
 }
 
 fn picture(size: u32, pixel: impl Fn(u32, u32) -> [f32; 3]) -> ImageDescription {

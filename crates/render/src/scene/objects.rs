@@ -125,7 +125,10 @@ pub(super) fn build_object(
         reach: shape.bounds(),
         alpha: s.alpha,
         connects: true,
-        passable: matches!(boundary, Boundary::Interface | Boundary::Smooth { eta: 1.0 }) || s.alpha.is_some(),
+        passable: matches!(boundary, Boundary::Interface | Boundary::Smooth { eta: 1.0 })
+            || s.alpha.is_some()
+            || materials.is_fibre(s.material),
+        fibre: materials.is_fibre(s.material),
         priority: priority.filter(|_| yields),
         absolute,
         rank: 0,
@@ -136,6 +139,7 @@ pub(super) fn build_object(
                 kind,
                 MaterialKind::DiffuseTransmission { .. }
                     | MaterialKind::ThinDielectric { .. }
+                    | MaterialKind::Hair { .. }
                     | MaterialKind::Mix { .. }
             ),
         volume,

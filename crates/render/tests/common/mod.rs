@@ -240,6 +240,7 @@ impl World {
             power: None,
             kind,
             medium: None,
+            portal: None,
         });
     }
 

@@ -1,13 +1,16 @@
 //! The white furnace: under uniform light nothing that does not absorb can be seen.
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64};
 
-use moonmilk_core::WavelengthMode;
+use moonmilk_core::{Vec2, Vec3, WavelengthMode};
+use moonmilk_geometry::Ray;
+use moonmilk_render::description::{GeometryDescription, HairAbsorption, MaterialKind};
 use moonmilk_render::film::Film;
 use moonmilk_render::session;
 
 use crate::bodies::{Body, shells};
-use crate::common::{KEEP_ALL, Tracer, assert_exact, measure, samples, uniform_ray};
+use crate::common::{KEEP_ALL, Tracer, World, assert_exact, measure, rgb, samples, uniform_ray};
 
 /// Single-precision rounding of the weights along a path; without it the radiance is 1.
 pub const ROUNDING: f64 = 1e-5;
@@ -60,6 +63,49 @@ fn every_single_path_finds_white_behind_a_boundary_with_a_map() {
         world.displace_all(0.5);
         assert_white(&format!("{} with a map", body.name), world.tracer(), body.reach, samples(20_000, 8));
     }
+}
+
+/// A tube around x of 24 sides with round normals, u along it.
+fn tube() -> Arc<GeometryDescription> {
+    let sides = 24;
+    let (mut positions, mut normals, mut uvs, mut indices) = (vec![], vec![], vec![], vec![]);
+    for i in 0..2 {
+        for k in 0..=sides {
+            let (sin, cos) = (std::f32::consts::TAU * k as f32 / sides as f32).sin_cos();
+            normals.push(Vec3::new(0.0, cos, sin));
+            positions.push(Vec3::new(i as f32 * 2.0 - 1.0, 0.3 * cos, 0.3 * sin));
+            uvs.push(Vec2::new(i as f32, k as f32 / sides as f32));
+        }
+    }
+    for k in 0..sides {
+        let (a, b) = (k, sides + 1 + k);
+        indices.extend([[a, a + 1, b + 1], [a, b + 1, b]]);
+    }
+    Arc::new(GeometryDescription::Mesh { positions, normals, uvs, indices })
+}
+
+#[test]
+fn white_hair_cannot_be_seen_in_a_furnace() {
+    // Light enters a fibre once and leaves it once, whatever side it leaves on; light sampling and chance share it.
+    let mut world = World::new();
+    let (zero, eta, beta) = (world.spectrum(rgb(0.0)), world.float(1.55), world.float(0.3));
+    let hair = world.material(MaterialKind::Hair {
+        absorption: HairAbsorption::Coefficient(zero),
+        eta,
+        beta_m: beta,
+        beta_n: beta,
+        alpha: eta,
+    });
+    world.surface(&tube(), hair);
+    let tracer = world.environment(1.0).tracer();
+    let [l, met] = measure(samples(200_000, 16), |i| {
+        let (o, d) = uniform_ray(23, i, 1.2);
+        let met = tracer.scene.accel.nearest(&Ray::new(o, d)).is_some();
+        [tracer.radiance(i, o, d), f64::from(u8::from(met))]
+    });
+    tracer.assert_sound();
+    assert!(met.mean > 0.2, "{met}");
+    assert_exact("furnace of white hair", l, 1.0, 0.0);
 }
 
 #[test]

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use moonmilk_render::description::{
     FloatTextureId, InstanceDescription, LightDescription, MaterialDescription, MaterialId, MaterialKind, MediumId,
-    MediumInterface, ObjectDescription, SceneDescription, ShapeDescription,
+    MediumInterface, ObjectDescription, SceneDescription, ShapeDescription, SpectrumDescription,
 };
 
 use super::super::camera;
@@ -13,7 +13,8 @@ use super::super::context::Context;
 use super::super::lexer::Spot;
 use super::super::materials;
 use super::super::params::did_you_mean;
-use super::super::shapes::Alpha;
+use super::super::shapes::{Alpha, RIBBON};
+use super::super::textures::Textures;
 use super::{Builder, MaterialRef, Name, Pending};
 
 /// The scene's materials, for shapes that refer to them.
@@ -25,9 +26,32 @@ struct Known {
     reported: HashSet<Arc<str>>,
     /// Copies of materials with the displacement of a mesh.
     displaced: HashMap<(MaterialId, FloatTextureId), MaterialId>,
+    brown: Option<MaterialId>,
 }
 
 impl Known {
+    /// What ribbons with hair are shown as.
+    fn brown(&mut self, textures: &mut Textures) -> MaterialId {
+        if let Some(id) = self.brown {
+            return id;
+        }
+        let reflectance = textures.constant_spectrum(SpectrumDescription::Rgb([0.25, 0.14, 0.08]));
+        let place = self.list[self.first_unnamed].place.clone();
+        let kind = MaterialKind::StandIn { reflectance };
+        let (displacement, normal_map) = (None, None);
+        self.list.push(MaterialDescription {
+            name: None,
+            place,
+            kind,
+            displacement,
+            normal_map,
+            set: None,
+            priority: None,
+        });
+        self.brown = Some(self.list.len() - 1);
+        self.list.len() - 1
+    }
+
     /// The material with that displacement instead of its own.
     fn displaced(&mut self, cx: &mut Context, spot: Spot, material: MaterialId, by: FloatTextureId) -> MaterialId {
         if let Some(&known) = self.displaced.get(&(material, by)) {
@@ -99,7 +123,8 @@ impl Builder {
         let mut entities = std::mem::take(&mut self.named_materials);
         entities.append(&mut self.unnamed_materials);
         let (list, names) = materials::build(cx, &mut self.textures, entities);
-        let mut known = Known { list, names, first_unnamed, reported: HashSet::new(), displaced: HashMap::new() };
+        let mut known =
+            Known { list, names, first_unnamed, reported: HashSet::new(), displaced: HashMap::new(), brown: None };
 
         for (name, spot) in std::mem::take(&mut self.early_materials) {
             if known.names.contains_key(&name) {
@@ -215,6 +240,12 @@ impl Builder {
                     known.first_unnamed
                 }
             },
+        };
+        let material = if &*pending.name == RIBBON && matches!(known.list[material].kind, MaterialKind::Hair { .. }) {
+            cx.warn_once(pending.spot, "hair on ribbons is not supported: a diffuse brown is used");
+            known.brown(&mut self.textures)
+        } else {
+            material
         };
         let material = match &pending.displacement {
             None => material,

@@ -124,7 +124,7 @@ fn all_materials_of_pbrt_are_known() {
     for kind in kinds {
         let loaded = world(&format!("Material \"{kind}\" Shape \"sphere\""));
         let stand_in = matches!(loaded.scene.materials[1].kind, MaterialKind::StandIn { .. });
-        assert_eq!(stand_in, matches!(kind, "hair" | "measured"), "{kind}");
+        assert_eq!(stand_in, kind == "measured", "{kind}");
         assert_eq!(loaded.warnings.len(), usize::from(stand_in), "{kind}");
     }
     let scene = world("MakeNamedMaterial \"a\" \"string type\" \"diffuse\" MakeNamedMaterial \"b\" \"string type\" \"dielectric\" \"spectrum eta\" \"glass-BK7\"\nMaterial \"mix\" \"string materials\" [\"a\" \"b\"] \"float amount\" 0.3").scene;
@@ -365,4 +365,80 @@ fn a_displaced_mesh_has_a_material_of_its_own_with_a_bump_map() {
     assert!(matches!(s.materials[s.shapes[1].material].kind, MaterialKind::Dielectric { .. }));
     assert_eq!(loaded.warnings.len(), 2);
     assert!(loaded.warnings.iter().all(|w| w.message.contains("read as a bump map")), "{:?}", loaded.warnings);
+}
+
+#[test]
+fn hair_has_its_colour_in_four_forms() {
+    let of = |parameters: &str| {
+        let loaded = world(&format!("Material \"hair\" {parameters}"));
+        let MaterialKind::Hair { absorption, .. } = loaded.scene.materials[1].kind.clone() else { panic!("hair") };
+        let value =
+            |id: usize| if let FloatTexture::Constant(v) = loaded.scene.float_textures[id] { v } else { f32::NAN };
+        let found = match absorption {
+            HairAbsorption::Coefficient(_) => (0, 0.0, 0.0),
+            HairAbsorption::Reflectance(_) => (1, 0.0, 0.0),
+            HairAbsorption::Pigments { eumelanin, pheomelanin } => (2, value(eumelanin), value(pheomelanin)),
+        };
+        (found, loaded.warnings.len())
+    };
+    assert_eq!(of("\"rgb sigma_a\" [1 2 3] \"float eumelanin\" 1"), ((0, 0.0, 0.0), 1));
+    assert_eq!(of("\"rgb color\" [.1 .2 .3]"), ((1, 0.0, 0.0), 0));
+    assert_eq!(of("\"float pheomelanin\" 0.5"), ((2, 0.0, 0.5), 0));
+    assert_eq!(of(""), ((2, 1.3, 0.0), 0));
+}
+
+#[test]
+fn curves_become_tubes_that_neighbours_share() {
+    let curve = |x: f32, more: &str| {
+        format!("Shape \"curve\" \"point3 P\" [{x} 0 0  {x} 1 0  {x} 2 0  {x} 3 0] \"float width\" 0.2 {more}\n")
+    };
+    let loaded = world(
+        &(curve(0.0, "")
+            + &curve(1.0, "")
+            + "Translate 1 0 0\n"
+            + &curve(0.0, "")
+            + "Material \"hair\"\n"
+            + &curve(0.0, "")),
+    );
+    let s = &loaded.scene;
+    assert_eq!((s.shapes.len(), loaded.warnings.len()), (3, 0));
+    let GeometryDescription::Mesh { positions, normals, uvs, indices } = &*s.shapes[0].geometry else {
+        panic!("a mesh")
+    };
+    // Straight curves are one piece of 6 sides, 7 vertices around at both ends.
+    assert_eq!((positions.len(), normals.len(), uvs.len(), indices.len()), (28, 28, 28, 24));
+    // Half the perimeter of a hexagon over pi times the width: the mean projected width is .2.
+    let radius = 0.2 * std::f32::consts::PI / 6.0;
+    for (p, n) in positions[..14].iter().zip(normals) {
+        assert!((p.with_y(0.0).length() - radius).abs() < 1e-6 && n.y.abs() < 1e-6 && p.with_y(0.0).dot(*n) > 0.0);
+    }
+    for t in indices {
+        let [a, b, c] = t.map(|i| positions[i as usize]);
+        let n = t.map(|i| normals[i as usize]).iter().sum::<Vec3>();
+        assert!((b - a).cross(c - a).dot(n) > 0.0, "triangles face the way of their normals");
+    }
+    let ribbon = "\"string type\" \"ribbon\" \"normal N\" [0 0 1 0 0 1]";
+    let flat = world(&format!("Material \"hair\" {}", curve(0.0, ribbon)));
+    let GeometryDescription::Mesh { positions, normals, .. } = &*flat.scene.shapes[0].geometry else {
+        panic!("a mesh")
+    };
+    assert!(
+        positions.iter().all(|p| p.z == 0.0 && (p.x.abs() - 0.1).abs() < 1e-6)
+            && normals.iter().all(|n| n.z.abs() > 0.999)
+    );
+    assert!(flat.warnings[0].message.contains("hair on ribbons"), "{:?}", flat.warnings);
+    let (text, help) = problem("WorldBegin Shape \"curve\" \"point3 P\" [0 0 0 1 0 0 1 1 0]");
+    assert_eq!(text, "scene.pbrt:1:34: 3 control points make no curve");
+    assert_eq!(help, "Bezier segments of degree 3 take 1 + 3 n points");
+}
+
+#[test]
+fn portals_are_rectangles_in_world_space() {
+    let text =
+        "Translate 5 0 0 LightSource \"infinite\" \"rgb L\" [1 1 1] \"point3 portal\" [0 0 0  0 1 0  1 1 0  1 0 0]";
+    let loaded = world(text);
+    assert!(loaded.warnings.is_empty());
+    assert_eq!(loaded.scene.lights[0].portal, Some([Vec3::ZERO, Vec3::Y, Vec3::X + Vec3::Y, Vec3::X]));
+    let (text, _) = problem("WorldBegin LightSource \"infinite\" \"point3 portal\" [0 0 0 1 1 1]");
+    assert_eq!(text, "scene.pbrt:1:43: `portal` takes 4 points, 2 given");
 }

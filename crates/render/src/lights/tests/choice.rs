@@ -22,7 +22,7 @@ fn the_density_of_a_hit_is_that_of_the_sample() {
             continue;
         } else if s.distance.is_infinite() {
             counts[0] += 1;
-            assert_eq!(lights.environment(s.wi, &grey()), s.radiance);
+            assert_eq!(lights.environment(p, s.wi, &grey()), s.radiance);
             lights.pdf_environment(p, n, s.wi)
         } else {
             counts[1] += 1;
@@ -142,7 +142,7 @@ fn all_lights_together_give_the_sum_of_their_irradiances() {
             .map(|i| {
                 let d =
                     direction_of([(f64::from(i % m) + 0.5) / f64::from(m), (f64::from(i / m) + 0.5) / f64::from(m)]);
-                f64::from(lights.environment(d, &grey())[0] * n.dot(d).max(0.0)) * 4.0 * PI / f64::from(m * m)
+                f64::from(lights.environment(p, d, &grey())[0] * n.dot(d).max(0.0)) * 4.0 * PI / f64::from(m * m)
             })
             .sum();
         mean += sky;

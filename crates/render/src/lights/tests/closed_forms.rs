@@ -124,7 +124,8 @@ fn a_sun_in_a_sky_is_found_with_little_variance() {
             .map(|i| {
                 let d =
                     direction_of([(f64::from(i % m) + 0.5) / f64::from(m), (f64::from(i / m) + 0.5) / f64::from(m)]);
-                f64::from(lights.environment(d, &grey())[0] * n.dot(d).max(0.0)) * 4.0 * PI / f64::from(m * m)
+                f64::from(lights.environment(Vec3::ZERO, d, &grey())[0] * n.dot(d).max(0.0)) * 4.0 * PI
+                    / f64::from(m * m)
             })
             .sum();
         let e = moments(&lights, Vec3::ZERO, n, false, 50_000, 600)[1].estimate();
