@@ -55,6 +55,10 @@ pub enum Command {
     Diff(Diff),
     /// Join the checkpoints of consecutive sample ranges into one picture.
     Merge(Merge),
+    /// List the models of subsurface scattering: source, validity, when to use them.
+    Models(Models),
+    /// Print a measured material in the numbers of any program, or list the materials.
+    Material(Material),
 }
 
 /// Arguments of `render`.
@@ -156,6 +160,44 @@ pub struct Merge {
     /// Picture to write: .exr or .png.
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
+}
+
+/// Arguments of `models`.
+#[derive(Debug, Args)]
+pub struct Models {
+    /// One model to describe (default: list all).
+    pub name: Option<String>,
+}
+
+/// Arguments of `material`.
+#[derive(Debug, Args)]
+pub struct Material {
+    /// Name of the material (default: list all).
+    pub name: Option<String>,
+    /// Convention to print it in; each print says what it loses.
+    #[arg(long = "as", value_enum, default_value = "coefficients", value_name = "CONVENTION")]
+    pub convention: Convention,
+}
+
+/// Conventions of other programs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Convention {
+    /// Absorption and scattering coefficient, asymmetry.
+    Coefficients,
+    /// Reduced coefficients and what diffusion makes of them.
+    Reduced,
+    /// Surface albedos and mean free paths.
+    AlbedoMfp,
+    /// pbrt-v4's `subsurface` material.
+    Pbrt,
+    /// A Mitsuba 3 medium behind a dielectric.
+    Mitsuba,
+    /// The subsurface inputs of OpenPBR.
+    Openpbr,
+    /// Blender's Principled BSDF.
+    Cycles,
+    /// glTF extensions, partly drafts.
+    Gltf,
 }
 
 /// What to do with open meshes.

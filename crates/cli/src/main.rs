@@ -6,7 +6,9 @@ mod diff;
 mod display;
 mod failure;
 mod job;
+mod material;
 mod merge;
+mod models;
 mod output;
 mod progress;
 mod render;
@@ -37,6 +39,8 @@ fn main() -> ExitCode {
         Some(Command::Render(a)) => render::run(a, bar),
         Some(Command::Diff(a)) => diff::run(a),
         Some(Command::Merge(a)) => merge::run(a),
+        Some(Command::Models(a)) => models::run(a),
+        Some(Command::Material(a)) => material::run(a),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -111,3 +111,21 @@ fn without_an_output_the_picture_takes_the_name_in_the_scene() {
     let r = f.succeed("render c.pbrt");
     assert!(f.exists("picture.exr") && r.stderr.contains("picture.pfm"), "{r:?}");
 }
+
+#[test]
+fn models_and_materials_are_listed_and_described() {
+    let f = scene();
+    let list = f.succeed("models").stdout;
+    assert!(
+        list.contains("photon-beam") && list.contains("Habel2013") && list.contains("normalized-as-published"),
+        "{list}"
+    );
+    assert!(f.succeed("models dipole").stdout.contains("avoid"));
+    let r = f.run("models dipol");
+    assert!(r.code == Some(2) && r.stderr.contains("did you mean \"dipole\"?"), "{r:?}");
+    assert!(f.succeed("material").stdout.contains("Marble"));
+    let marble = f.succeed("material Marble --as pbrt").stdout;
+    assert!(marble.contains("\"rgb sigma_s\" [ 2.19 2.62 3 ]") && marble.contains("# lost:"), "{marble}");
+    let r = f.run("material Marble --as renderman");
+    assert!(r.code == Some(2) && r.stderr.contains("albedo-mfp"), "{r:?}");
+}
