@@ -53,7 +53,7 @@ fn names_are_unique_and_descriptions_complete() {
             assert!(text.len() > 5 && !text.ends_with('.'), "{}: \"{text}\"", i.name);
         }
     }
-    let e = profile::find("dipol").err().expect("unknown");
+    let e = profile::find("dipol").expect_err("unknown");
     assert_eq!(e.to_string(), "unknown model \"dipol\"; did you mean \"dipole\"?");
 }
 
