@@ -40,7 +40,7 @@ pub const ROBIN: Info = Info {
     summary: "dipole with exact Fresnel moments, exitance from fluence and flux",
     source: "Kienle1997",
     kind: Kind::Whole,
-    valid: "albedo within 3 % at alpha = .99, -4 to -16 % below; R(r) within 20 % from 1 to 10 mean free paths at alpha >= .95",
+    valid: "albedo -1 to -2 % at alpha = .99, -5 to -6 % at .95, -22 to -38 % at .3; R(r) 11 to 39 % too high at 1 to 3 mean free paths, within 8 % at 10 (alpha >= .95)",
     use_when: "for far radii, as tissue optics does",
     avoid_when: "near the source",
 };

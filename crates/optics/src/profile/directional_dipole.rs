@@ -9,7 +9,7 @@
 //! $n^*$ is the normal of the plane that holds the offset and is tangent at entry; the real distance is modified near the source by
 //! $d_r^2 = r^2 + D\mu_0 (D\mu_0 - 2 d_e \cos\beta)$. Single scattering along the ray (the reduced-intensity part) is separate.
 //!
-//! **Measured**, light along the normal of a half-space: albedo 26 to 58 % too large at alpha >= .95, and four to six times too large at .3, with multiples like alpha' missing; it exceeds 1
+//! **Measured**, light along the normal of a half-space: albedo 26 to 58 % too large at alpha >= .95, and five to six times too large at .3, as if a factor alpha' were missing; it exceeds 1
 //! as alpha tends to 1 (1.336 at eta 1, 1.227 at 1.33, 1.189 at 1.5). Kept as published; not reciprocal (average both directions if that matters).
 //!
 //! *Source*: \[Frisvad2014\].
@@ -33,7 +33,7 @@ pub const INFO: Info = Info {
     summary: "ray source and its mirror image; knows the direction of the light",
     source: "Frisvad2014",
     kind: Kind::Whole,
-    valid: "albedo +26 to +58 % at alpha >= .95, +95 % at .8, four to six times too large at .3; R(r) within 10 % at .1 mean free paths only",
+    valid: "albedo +26 to +58 % at alpha >= .95, +95 % at .8, five to six times too large at .3; R(r) within 8 % at .1 mean free paths, 41 to 84 % too high at .3 to 1 (alpha >= .95)",
     use_when: "to compare with other programs, or for the look of oblique light",
     avoid_when: "where energy matters: its albedo exceeds 1 as alpha tends to 1",
 };

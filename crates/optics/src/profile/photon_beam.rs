@@ -32,7 +32,7 @@ pub const INFO: Info = Info {
     summary: "dipoles along the beam with near-source correction, exact single scattering",
     source: "Habel2013",
     kind: Kind::Whole,
-    valid: "best of its family at eta 1.3 to 1.5: albedo +1 to +9 %, R(r) within 10 % at alpha >= .8; +7 to +14 % in albedo at eta 1",
+    valid: "best of its family at eta 1.3 to 1.5: albedo +1 to +10 %, R(r) within 10 % at alpha >= .8; +7 to +14 % in albedo at eta 1",
     use_when: "for media with a refractive boundary and alpha above .8",
     avoid_when: "where no energy may be gained: its albedo exceeds 1 as alpha tends to 1",
 };

@@ -33,7 +33,7 @@ pub const INFO: Info = Info {
     summary: "dipoles along the beam, exact single scattering",
     source: "DEon2011",
     kind: Kind::Whole,
-    valid: "albedo +7 to +26 %; R(r) 20 to 35 % too high at .1 mean free paths, within 6 % from 3 on at alpha >= .8",
+    valid: "albedo +7 to +26 %; R(r) 11 to 37 % too high at .1 mean free paths, within 10 % from 3 on at alpha >= .8 and eta >= 1.33",
     use_when: "for far radii with a refractive boundary",
     avoid_when: "near the beam (photon-beam corrects that), or where no energy may be gained",
 };

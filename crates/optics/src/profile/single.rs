@@ -30,7 +30,7 @@ pub const INFO: Info = Info {
     kind: Kind::Part,
     valid: "exact for a flat half-space, any g and eta; leaves out everything scattered twice or more",
     use_when: "as a part of models that start at the second scattering, or where alpha is below .1",
-    avoid_when: "as the whole: at alpha = .9 it is a sixth of the reflected light",
+    avoid_when: "as the whole: at alpha = .9 it is a fifth to a third of the reflected light",
 };
 
 /// The single-scattering profile of one medium.
