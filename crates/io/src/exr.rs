@@ -25,6 +25,10 @@ use crate::image::{Error, ErrorKind, Picture, Value, Window, check_size, guarded
 
 const FORMAT: &str = "EXR";
 
+/// Most samples that a byte of a file can stand for: more than deflate's 1032 bytes per byte, and than PXR24's three bytes of
+/// four behind it, in samples of two bytes.
+const PACKED: u64 = 1024;
+
 /// The first bytes of every EXR file.
 const MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
 
@@ -169,7 +173,7 @@ pub fn has_other_primaries(bytes: &[u8]) -> bool {
 fn check_headers(bytes: &[u8]) -> Result<(), Error> {
     let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(from_exr)?;
     let unsupported = |reason: &str| Error::from(ErrorKind::Unsupported { format: FORMAT, reason: reason.into() });
-    let mut chunks = 0u64;
+    let (mut chunks, mut samples) = (0u64, 0u64);
     for header in &meta.headers {
         if header.deep {
             return Err(unsupported("deep data"));
@@ -179,9 +183,12 @@ fn check_headers(bytes: &[u8]) -> Result<(), Error> {
         }
         check_size(header.layer_size.0 as u64, header.layer_size.1 as u64, header.channels.list.len() as u64)?;
         chunks = chunks.saturating_add(header.chunk_count as u64);
+        samples =
+            samples.saturating_add((header.layer_size.0 * header.layer_size.1 * header.channels.list.len()) as u64);
     }
     // Every chunk takes an offset of 8 bytes and a prefix of at least 8: a picture that needs more is not in the file.
-    if chunks.saturating_mul(16) > bytes.len() as u64 {
+    // Nor does any compression pack more than a thousandfold (deflate: 1032 to 1) into samples of two bytes.
+    if chunks.saturating_mul(16) > bytes.len() as u64 || samples > PACKED.saturating_mul(bytes.len() as u64) {
         return Err(ErrorKind::Truncated(FORMAT).into());
     }
     let window = union(meta.headers.iter().map(|h| (h.own_attributes.layer_position, h.layer_size)));

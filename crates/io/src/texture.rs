@@ -75,10 +75,30 @@ pub fn load_texture(bytes: &[u8], name: &str, encoding: Encoding) -> Result<Pict
         reader.limits(limits);
         let decoder = reader.into_decoder().map_err(|e| from_image(label, e))?;
         let (width, height) = decoder.dimensions();
-        check_size(width.into(), height.into(), decoder.color_type().channel_count().into())?;
+        let channels = u64::from(decoder.color_type().channel_count());
+        check_size(width.into(), height.into(), channels)?;
+        // A header that promises more than the bytes can hold is damaged: no memory for it.
+        let samples = u64::from(width) * u64::from(height) * channels;
+        if samples > SMALL && samples / packed(format) > bytes.len() as u64 {
+            return Err(ErrorKind::Truncated(label).into());
+        }
         let image = DynamicImage::from_decoder(decoder).map_err(|e| from_image(label, e))?;
         planes(image, encoding)
     })
+}
+
+/// Number of samples that is granted to a picture of any number of bytes: 4 MiB.
+const SMALL: u64 = 1 << 20;
+
+/// Returns how many samples a byte of a file of this format can stand for at most.
+///
+/// PNG: deflate packs 1032 to 1, and a byte may hold eight samples. JPEG: a block of 64 samples takes a bit or more, four blocks of
+/// colour may be halved twice. Radiance: runs of old files double their length with every pixel.
+fn packed(format: ImageFormat) -> u64 {
+    match format {
+        ImageFormat::Hdr => 1 << 16,
+        _ => 8 * 1032,
+    }
 }
 
 /// Splits decoded pixels into linear planes.

@@ -11,9 +11,6 @@ use super::error::{Excerpt, Problem};
 use super::files::{Files, gunzip};
 use super::lexer::{Source, Spot};
 
-/// Largest number of triangles made of patches and subdivision surfaces in a scene: about 1 GB.
-const MAX_GENERATED: usize = 1 << 25;
-
 /// More problems than this are not worth reading.
 const MAX_PROBLEMS: usize = 100;
 
@@ -63,10 +60,11 @@ impl<'f> Context<'f> {
     /// Whether `triangles` more may be generated; otherwise records a problem. A few words of text must not fill the memory.
     pub(crate) fn may_generate(&mut self, triangles: usize, spot: Spot) -> bool {
         self.generated = self.generated.saturating_add(triangles);
-        if self.generated > MAX_GENERATED {
-            self.error(spot, format!("patches and subdivision surfaces make more than {MAX_GENERATED} triangles"));
+        let most = self.options.max_generated;
+        if self.generated > most {
+            self.error(spot, format!("patches and subdivision surfaces make more than {most} triangles"));
         }
-        self.generated <= MAX_GENERATED
+        self.generated <= most
     }
 
     pub(crate) fn source(&self, id: u32) -> &Arc<Source> {

@@ -114,6 +114,8 @@ impl Cursor {
                             i += 2;
                         }
                         None | Some(b'\n') => {
+                            // Whoever reads on does so on the next line.
+                            self.pos = i.min(bytes.len());
                             return Err((
                                 self.spot(start, i.min(bytes.len())),
                                 "this string has no closing quote on its line",

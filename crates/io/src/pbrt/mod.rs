@@ -56,13 +56,21 @@ pub struct Options {
     pub syntax_only: bool,
     /// Largest number of shapes, instances counted one by one.
     pub max_shapes: usize,
+    /// Largest number of triangles made of patches and subdivision surfaces; the default takes about 1 GB.
+    pub max_generated: usize,
     /// Largest size of an unpacked file \[bytes\].
     pub max_bytes: u64,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Options { lenient: false, syntax_only: false, max_shapes: 2_000_000, max_bytes: DEFAULT_MAX_BYTES }
+        Options {
+            lenient: false,
+            syntax_only: false,
+            max_shapes: 2_000_000,
+            max_generated: 1 << 25,
+            max_bytes: DEFAULT_MAX_BYTES,
+        }
     }
 }
 
@@ -116,10 +124,10 @@ fn read(files: &dyn Files, main: &str, shown: &str, options: &Options) -> Result
     let start = Spot { source: id, start: 0, end: 0, line: 1, line_start: 0 };
     let mut builder = Builder::new(start);
     let stopped = parser::parse(&mut cx, &mut builder, Cursor::new(source, id), start).is_err();
-    // After a syntax error the rest is unknown: names that it may define are not missed.
+    // After a syntax error something was skipped: names that it may define are not missed.
     cx.include_missing |= stopped;
     let scene = builder.finish(&mut cx);
-    if !cx.options.syntax_only {
+    if !cx.options.syntax_only || !cx.problems.is_empty() {
         cx.problems.append(&mut cx.missing);
     }
     if !cx.problems.is_empty() {

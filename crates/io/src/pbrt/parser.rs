@@ -78,20 +78,51 @@ pub(crate) struct Parser {
     last: Spot,
     /// Number of inclusions so far, and their bytes.
     included: (usize, usize),
+    /// Nothing after this fault is worth reading.
+    given_up: bool,
 }
 
 /// Reads all directives of `main` into `builder`.
 pub(crate) fn parse(cx: &mut Context, builder: &mut Builder, main: Cursor, start: Spot) -> Result<()> {
-    let mut parser =
-        Parser { frames: vec![Frame { cursor: main, import: false }], peeked: None, last: start, included: (0, 0) };
-    while let Some((kind, spot)) = parser.next(cx)? {
+    let mut parser = Parser {
+        frames: vec![Frame { cursor: main, import: false }],
+        peeked: None,
+        last: start,
+        included: (0, 0),
+        given_up: false,
+    };
+    let mut sound = true;
+    loop {
+        match parser.next(cx).and_then(|token| parser.read(cx, builder, token)) {
+            Ok(true) => {}
+            Ok(false) => break,
+            Err(Stop) if parser.given_up || cx.hopeless() => return Err(Stop),
+            // Go on at the next directive: a file with one fault often has more.
+            Err(Stop) => {
+                sound = false;
+                parser.skip_to_directive(cx);
+            }
+        }
+    }
+    if sound {
+        builder.end_of_files(cx, parser.last);
+        Ok(())
+    } else {
+        Err(Stop)
+    }
+}
+
+impl Parser {
+    /// Reads what a token begins; returns whether there may be more.
+    fn read(&mut self, cx: &mut Context, builder: &mut Builder, token: Option<(Kind, Spot)>) -> Result<bool> {
         if cx.hopeless() {
             return Err(Stop);
         }
-        match kind {
-            Kind::EndOfImport => builder.end_import(cx, spot),
-            Kind::Word => parser.directive(cx, builder, spot)?,
-            Kind::String { .. } | Kind::Open | Kind::Close => {
+        match token {
+            None => return Ok(false),
+            Some((Kind::EndOfImport, spot)) => builder.end_import(cx, spot),
+            Some((Kind::Word, spot)) => self.directive(cx, builder, spot)?,
+            Some((_, spot)) => {
                 cx.error_help(
                     spot,
                     "a directive is expected here",
@@ -100,12 +131,22 @@ pub(crate) fn parse(cx: &mut Context, builder: &mut Builder, main: Cursor, start
                 return Err(Stop);
             }
         }
+        Ok(true)
     }
-    builder.end_of_files(cx, parser.last);
-    Ok(())
-}
 
-impl Parser {
+    /// Drops tokens up to the next directive, or the end of an imported file; faults among them are not told.
+    fn skip_to_directive(&mut self, cx: &mut Context) {
+        let told = cx.problems.len();
+        loop {
+            match self.peek(cx) {
+                Ok(None | Some((Kind::EndOfImport, _))) => break,
+                Ok(Some((Kind::Word, at))) if DIRECTIVES.contains(&&*cx.text(at)) => break,
+                Ok(Some(_)) => self.peeked = None,
+                Err(Stop) => cx.problems.truncate(told),
+            }
+        }
+    }
+
     fn next(&mut self, cx: &mut Context) -> Result<Option<(Kind, Spot)>> {
         if let Some(token) = self.peeked.take() {
             return Ok(Some(token));
@@ -166,6 +207,10 @@ impl Parser {
         match super::number::float(bytes) {
             Some((value, used)) if kind == Kind::Word && used == bytes.len() && value.is_finite() => Ok(value),
             _ => {
+                // If numbers are missing, this is the next directive: read on there.
+                if kind == Kind::Word && DIRECTIVES.contains(&&*cx.text(spot)) {
+                    self.peeked = Some((kind, spot));
+                }
                 cx.error(spot, format!("{directive} expects a number here"));
                 Err(Stop)
             }
@@ -333,6 +378,7 @@ impl Parser {
                 format!("files include each other more than {MAX_INCLUDES} levels deep"),
                 "does this file include itself?",
             );
+            self.given_up = true;
             return Err(Stop);
         }
         if import && !builder.may_import(cx, at) {
@@ -347,6 +393,7 @@ impl Parser {
                         at,
                         "files are included too often: more than two million times, or more than 16 GiB in all",
                     );
+                    self.given_up = true;
                     return Err(Stop);
                 }
                 if import {

@@ -120,7 +120,10 @@ impl Parser {
                 match values {
                     Some(values) => Some(values),
                     None => {
-                        // A word where a value should be is most likely the next directive.
+                        // A word where a value should be is most likely the next directive: read on there.
+                        if super::DIRECTIVES.contains(&&*cx.text(spot)) {
+                            self.peeked = Some((kind, spot));
+                        }
                         cx.error(spot, if ty == Type::Integer { EXPECT_INTEGER } else { EXPECT_NUMBER });
                         return Err(Stop);
                     }
