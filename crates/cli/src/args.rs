@@ -17,6 +17,7 @@ Examples:
   moonmilk render a.pbrt --time 5m         for five minutes
   moonmilk render a.pbrt --resume          goes on with an interrupted run
   moonmilk render a.pbrt --resume --spp 512  goes on to more samples
+  moonmilk check a.pbrt                    why objects are black, dull or endless
   moonmilk diff a.exr reference.exr        how two pictures differ, and whether by more than noise
 
 `moonmilk help render` explains every option. Exit codes: 0 done, 1 failed, 2 wrong usage,
@@ -59,6 +60,8 @@ pub enum Command {
     Models(Models),
     /// Print a measured material in the numbers of any program, or list the materials.
     Material(Material),
+    /// Find what makes translucent objects black, dull or endless, and say what to do about it.
+    Check(Check),
 }
 
 /// Arguments of `render`.
@@ -198,6 +201,28 @@ pub enum Convention {
     Cycles,
     /// glTF extensions, partly drafts.
     Gltf,
+
+/// Arguments of `check`.
+#[derive(Debug, Args)]
+pub struct Check {
+    /// The scene, a pbrt-v4 file (also .pbrt.gz).
+    pub scene: PathBuf,
+    /// Only read the text, to its end even where meshes, pictures or included files are missing; report each of them once.
+    #[arg(long, conflicts_with = "furnace")]
+    pub syntax: bool,
+    /// Measure the white furnace and the mean path length on the scene's own objects.
+    #[arg(long)]
+    pub furnace: bool,
+    /// The scene's unit of length, for labels: nm, um, mm, cm, m, in, ft.
+    #[arg(long, default_value = "mm", value_name = "UNIT", value_parser = values::unit)]
+    pub unit: Unit,
+}
+
+/// A unit of length.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Unit {
+    /// Its symbol.
+    pub name: &'static str,
 }
 
 /// What to do with open meshes.

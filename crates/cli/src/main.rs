@@ -2,6 +2,7 @@
 
 mod args;
 mod budget;
+mod check;
 mod diff;
 mod display;
 mod failure;
@@ -41,6 +42,7 @@ fn main() -> ExitCode {
         Some(Command::Merge(a)) => merge::run(a),
         Some(Command::Models(a)) => models::run(a),
         Some(Command::Material(a)) => material::run(a),
+        Some(Command::Check(a)) => check::run(a, cli.log_format),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

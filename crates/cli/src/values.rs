@@ -5,7 +5,7 @@ use std::time::Duration;
 use moonmilk_core::wavelengths::WavelengthMode;
 use moonmilk_render::film::Aov;
 
-use crate::args::{AovList, MaxDepth};
+use crate::args::{AovList, MaxDepth, Unit};
 
 /// Longest time that is accepted \[s\]: a year.
 const LONGEST: f64 = 3.2e7;
@@ -158,6 +158,15 @@ pub fn aovs(s: &str) -> Result<AovList, String> {
     list.sort_by_key(|a| Aov::ALL.iter().position(|b| a == b));
     list.dedup();
     Ok(AovList(list))
+}
+
+/// Units of length that scenes come in.
+const UNITS: [&str; 7] = ["nm", "um", "mm", "cm", "m", "in", "ft"];
+
+/// Returns a unit of length.
+pub fn unit(s: &str) -> Result<Unit, String> {
+    let found = UNITS.into_iter().find(|u| *u == s).map(|name| Unit { name });
+    found.ok_or_else(|| format!("`{s}` is no unit of length; accepted: {}", UNITS.join(", ")))
 }
 
 /// Returns a limit of the number of bounces.

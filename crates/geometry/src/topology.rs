@@ -128,7 +128,7 @@ fn take_loop(next: &mut HashMap<u32, Vec<u32>>, start: u32) -> Option<Vec<u32>> 
 }
 
 /// Returns for each vertex the first vertex with the same coordinates (-0.0 equals 0.0).
-fn weld(positions: &[Vec3]) -> Vec<u32> {
+pub(crate) fn weld(positions: &[Vec3]) -> Vec<u32> {
     let key = |p: Vec3| (p + Vec3::ZERO).to_array().map(f32::to_bits);
     let mut order: Vec<([u32; 3], u32)> = positions.iter().enumerate().map(|(i, &p)| (key(p), i as u32)).collect();
     order.par_sort_unstable();
@@ -150,8 +150,13 @@ fn edge_uses(mesh: &Mesh, weld: &[u32]) -> Vec<Use> {
     mesh.indices().iter().flat_map(triangle).collect()
 }
 
-/// Counts connected pieces by union-find with path halving.
+/// Counts connected pieces.
 fn components(mesh: &Mesh, weld: &[u32]) -> usize {
+    labels(mesh, weld).1
+}
+
+/// Returns the number of each triangle's connected piece, and the number of pieces, by union-find with path halving.
+pub(crate) fn labels(mesh: &Mesh, weld: &[u32]) -> (Vec<u32>, usize) {
     let mut parent: Vec<u32> = (0..weld.len() as u32).collect();
     fn root(parent: &mut [u32], mut v: u32) -> u32 {
         while parent[v as usize] != v {
@@ -167,10 +172,19 @@ fn components(mesh: &Mesh, weld: &[u32]) -> usize {
             parent[v as usize] = low;
         }
     }
-    let mut roots: Vec<u32> = mesh.indices().iter().map(|t| root(&mut parent, weld[t[0] as usize])).collect();
-    roots.sort_unstable();
-    roots.dedup();
-    roots.len()
+    // Number the roots in the order of their first triangles.
+    let mut number = vec![u32::MAX; weld.len()];
+    let mut count = 0;
+    let label = |t: &[u32; 3]| {
+        let n = &mut number[root(&mut parent, weld[t[0] as usize]) as usize];
+        if *n == u32::MAX {
+            *n = count;
+            count += 1;
+        }
+        *n
+    };
+    let labels = mesh.indices().iter().map(label).collect();
+    (labels, count as usize)
 }
 
 #[cfg(test)]

@@ -8,6 +8,7 @@ pub mod bsdf;
 pub mod camera;
 mod connect;
 pub mod description;
+pub mod doctor;
 pub mod film;
 pub mod filter;
 pub mod integrator;

@@ -6,6 +6,7 @@
 mod common;
 
 mod budgets;
+mod check;
 mod display;
 mod errors;
 mod exactness;

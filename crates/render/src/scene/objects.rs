@@ -11,7 +11,7 @@ use crate::lights;
 use crate::material::Materials;
 
 /// Makes the geometry of a shape in world space.
-pub(super) fn build_shape(s: &ShapeDescription, warnings: &mut Vec<Warning>) -> Result<Shape, SceneError> {
+pub(crate) fn build_shape(s: &ShapeDescription, warnings: &mut Vec<Warning>) -> Result<Shape, SceneError> {
     let fail = |reason: String| SceneError::Shape { place: s.place.clone(), name: s.name.clone(), reason };
     let m = &s.object_to_world;
     let flat = || fail("its transform is singular or not finite, or its size is not positive".into());
