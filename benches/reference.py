@@ -17,8 +17,8 @@ PROGRAM = os.path.join(os.environ.get("CARGO_TARGET_DIR", os.path.join(ROOT, "ta
 VENV = os.path.join(ROOT, "target", "reference-venv")
 
 
-def need_packages():
-    """Restarts in a virtual environment with numpy and OpenEXR if this Python lacks them."""
+def need_packages(script=os.path.abspath(__file__)):
+    """Restarts a script in a virtual environment with numpy and OpenEXR if this Python lacks them."""
     try:
         import numpy, OpenEXR  # noqa: F401
     except ImportError:
@@ -30,7 +30,7 @@ def need_packages():
             if subprocess.run([python, "-m", "pip", "install", "-q", "numpy", "OpenEXR"]).returncode != 0:
                 print("skipped: numpy and OpenEXR cannot be installed, no comparison with other renderers")
                 sys.exit(0)
-        os.execv(python, [python, os.path.abspath(__file__), *sys.argv[1:]])
+        os.execv(python, [python, script, *sys.argv[1:]])
 
 
 def channels(path):

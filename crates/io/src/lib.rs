@@ -20,6 +20,7 @@ pub mod checkpoint;
 pub mod exr;
 pub mod false_color;
 pub mod flip;
+pub mod fuzz;
 pub mod image;
 pub mod metrics;
 pub mod pbrt;
