@@ -13,7 +13,7 @@ import argparse, json, math, os, re, subprocess, sys, tempfile, time
 
 ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 REFERENCE = os.path.join(ROOT, "..", "shared", "reference")
-PROGRAM = os.path.join(os.environ.get("CARGO_TARGET_DIR", os.path.join(ROOT, "target")), "release", "moonmilk")
+PROGRAM = os.environ.get("MOONMILK") or os.path.join(os.environ.get("CARGO_TARGET_DIR", os.path.join(ROOT, "target")), "release", "moonmilk")
 VENV = os.path.join(ROOT, "target", "reference-venv")
 
 

@@ -16,9 +16,17 @@ sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from reference import PROGRAM, ROOT, Checks, channels, need_packages  # noqa: E402
 
 SCENES = os.path.join(ROOT, "..", "shared", "scenes")
-# pbrt's own pictures: mean ratio allowed, and the reason where it is not 1 %.
 REFERENCES = os.path.join("skinny", "tests", "pbrt", "corpus", "refs")
+# Scenes of rough coats: the light of the base is 1.071 (roughness .05) and 1.086 (.1) times too bright in pbrt's f(), see DESIGN.md, and
+# the share of that light in the picture is unknown: our mean may be lower by up to that factor.
+COATS = {"suite_samp_many_lights": 1.071, "suite_mat_plastic": 1.086}
 PATIENCE = 180
+# Files with faults of their own, which must be told: syntax of older versions, and a fixture of unknown names.
+FAULTY = {
+    "pbrt-v4-scenes/zero-day/frame35.pbrt": "write `float iso`",
+    "skinny/assets/prism_dispersion/prism_dispersion.pbrt": "remove it: in pbrt-v4 the world ends with the file",
+    "skinny/tests/pbrt/fixtures/all_mtypes.pbrt": "is no type of material",
+}
 
 
 def files(only):
@@ -55,6 +63,8 @@ def read_all(checks, only):
         elif code == 4:
             missing = json.loads(out.splitlines()[-1])["missing"]
             checks.line(True, f"{short(path)}: {len(missing)} missing files, the first {missing[0]['message']}")
+        elif code == 3 and short(path) in FAULTY:
+            checks.line(FAULTY[short(path)] in err, f"{short(path)}: refused as it should be: {errors[:2]}")
         else:
             checks.line(False, f"{short(path)}: exit code {code}: {errors[:3] or err[-300:]}")
     return complete
@@ -168,7 +178,11 @@ def beside_pbrt(checks, only, spp):
             else:
                 text.append(f"largest difference of blocks {block_difference(ours['G'], theirs['G']):.3f} of the mean")
                 apart = "subsurface" in stem
-                if apart:
+                if stem in COATS:
+                    low, high = 1 / COATS[stem] - 0.01, 1.01
+                    ok = all(low < ours[c].mean() / theirs[c].mean() < high for c in "RGB")
+                    checks.line(ok, f"{stem}: mean / pbrt's {', '.join(text)}: expected between {low:.3f} and {high}, pbrt weights rough coats wrongly ({seconds:.0f} s)")
+                elif apart:
                     print(f"info  {stem}: mean / pbrt's {', '.join(text)}: pbrt's BSSRDF is an approximation, no check ({seconds:.0f} s)")
                 else:
                     checks.line(worst < 0.01, f"{stem}: mean / pbrt's {', '.join(text)} ({seconds:.0f} s)")

@@ -191,10 +191,16 @@ fn media_that_no_path_reaches_and_cameras_in_bodies_are_found() {
     assert_eq!(codes(&world), ["unreachable-medium!"]);
     // The camera of these scenes stands at (0, 0, 4).
     let around = with(&flat(&cube(5.0, Vec3::ZERO)), 0.1);
-    assert_eq!(codes(&around), ["camera-inside!"]);
+    assert_eq!(codes(&around), ["camera-inside"]);
     let mut told = around;
     told.0.camera.medium = Some(0);
     assert!(codes(&told).is_empty(), "{:?}", codes(&told));
+    told.0.media.push(MediumDescription { name: "other".into(), ..told.0.media[0].clone() });
+    told.0.camera.medium = Some(1);
+    assert_eq!(codes(&told), ["camera-inside!", "unbounded-medium!"]);
+    let mut everywhere = with(&ball(1.0), 1.0);
+    everywhere.0.camera.medium = Some(0);
+    assert_eq!(codes(&everywhere), ["unbounded-medium!"]);
     let mut shut = with(&ball(1.0), 1.0);
     let wall = shut.diffuse(0.5);
     shut.surface(&flat(&cube(0.5, Vec3::X * 5.0)), wall);
@@ -221,6 +227,9 @@ fn objects_that_overlap_are_told_from_nested_and_touching_ones() {
     world.body(&ball(1.0), world.0.shapes[0].material, Some(0), None);
     world.0.shapes[1].object_to_world = Mat4::from_translation(Vec3::X);
     assert_eq!(codes(&world), ["overlapping-objects!"]);
+    world.0.materials[0].priority = Some(1);
+    assert_eq!(codes(&world), none, "the priority says who is there");
+    world.0.materials[0].priority = None;
     world.0.shapes[1].object_to_world = Mat4::from_translation(Vec3::X * 2.5);
     assert_eq!(codes(&world), none);
 }
@@ -260,4 +269,17 @@ fn copies_of_one_form_are_listed_once() {
     }
     let r = report(&world);
     assert_eq!((r.bodies.len(), r.bodies[0].count, r.shapes, r.findings.len()), (1, 5, 5, 0), "{:?}", r.findings);
+    // Instances of an object are counted, and measured where the first stands.
+    let mut world = subsurface(&flat(&cube(0.5, Vec3::ZERO)), 2.0);
+    let shape = world.0.shapes.pop().expect("one shape");
+    world.0.objects.push(ObjectDescription { name: "o".into(), shapes: vec![shape] });
+    for i in 0..7 {
+        let object_to_world = Mat4::from_translation(Vec3::X * 3.0 * i as f32) * Mat4::from_scale(Vec3::splat(2.0));
+        world.0.instances.push(InstanceDescription { place: place(), object: 0, object_to_world });
+    }
+    let r = report(&world);
+    assert_eq!((r.bodies.len(), r.bodies[0].count, r.shapes, r.findings.len()), (1, 7, 7, 0), "{:?}", r.findings);
+    assert!((r.bodies[0].volume - 8.0).abs() < 1e-6);
+    let f = furnace(&world.0, &r.bodies[0], 1e5, 0).expect("it can be built").expect("closed");
+    assert!((f.radiance.mean - 1.0).abs() < 1e-5);
 }

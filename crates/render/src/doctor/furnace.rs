@@ -111,7 +111,7 @@ struct Alone {
 
 /// Makes the scene of one object with a medium of its own, under uniform light.
 fn alone(d: &SceneDescription, body: &Body, kind: MediumKind, radiance: f32) -> Result<Alone, SceneError> {
-    let mut shape = d.shapes[body.shape].clone();
+    let mut shape = body.source.clone();
     let own = &d.materials[shape.material];
     // A subsurface material is a dielectric around a medium.
     let boundary = match &own.kind {
@@ -120,7 +120,12 @@ fn alone(d: &SceneDescription, body: &Body, kind: MediumKind, radiance: f32) -> 
         }
         other => other.clone(),
     };
-    let mut alone = SceneDescription { shapes: Vec::new(), lights: Vec::new(), media: Vec::new(), ..d.clone() };
+    let mut alone = d.clone();
+    alone.shapes.clear();
+    alone.objects.clear();
+    alone.instances.clear();
+    alone.lights.clear();
+    alone.media.clear();
     alone.camera.medium = None;
     alone.materials.push(MaterialDescription { kind: boundary, ..own.clone() });
     shape.material = alone.materials.len() - 1;

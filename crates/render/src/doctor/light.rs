@@ -151,7 +151,7 @@ fn surface_point(shape: &moonmilk_geometry::Shape, rng: &mut Stream) -> Option<(
     Some((o, if shape.reverse { -n } else { n }))
 }
 
-/// Reports a camera inside a medium that it does not know of, and point lights inside opaque bodies.
+/// Reports a camera inside a body, or in a medium that no wall ends, and point lights inside opaque bodies.
 fn inside_something(p: &mut Patient) {
     let d = p.d;
     let camera = d.camera.camera_to_world.transform_point3(Vec3::ZERO);
@@ -161,11 +161,29 @@ fn inside_something(p: &mut Patient) {
     let volume = |i: &usize| p.shapes[*i].volume().abs();
     if let Some(i) = inner.min_by(|a, b| volume(a).total_cmp(&volume(b))) {
         let s = &d.shapes[i];
-        if super::is_subsurface(d, s) || enclosed(s, p.shapes[i].volume() > 0.0) != d.camera.medium {
-            let message = format!("the camera is inside {} but not in its medium", s.name);
+        let filled = enclosed(s, p.shapes[i].volume() > 0.0);
+        if let Some(said) = d.camera.medium.filter(|_| super::is_subsurface(d, s) || filled != d.camera.medium) {
+            let message = format!("the camera is inside {}, but its medium is \"{}\"", s.name, d.media[said].name);
             let advice =
-                "move it out; or, for a dielectric around a medium, say `MediumInterface \"\" \"NAME\"` before Camera";
+                "say the object's own medium before Camera, or none: then the medium of the bodies around it counts";
             p.problem("camera-inside", i, message, advice);
+        } else if d.camera.medium.is_none() {
+            let message = format!("the camera is inside {}, and looks through its medium", s.name);
+            p.note("camera-inside", i, message, "fine if meant; else move the camera out");
+        }
+    }
+    if let Some(medium) = d.camera.medium {
+        let walled = with_camera.iter().any(|&i| enclosed(&d.shapes[i], p.shapes[i].volume() > 0.0) == Some(medium));
+        if !walled {
+            let name = &d.media[medium].name;
+            let message = format!(
+                "the medium \"{name}\" around the camera has no wall: it fills all space, lights at infinity cannot be seen through it, and only absorption ends its walks"
+            );
+            let advice = "put an object with `Material \"interface\"` and `MediumInterface \"NAME\" \"\"` around the scene and the camera";
+            p.add(Severity::Problem, "unbounded-medium", None, message, advice);
+            if let Some(last) = p.findings.last_mut() {
+                last.place = Some(d.media[medium].place.clone());
+            }
         }
     }
     let lights: Vec<(usize, Vec3)> =

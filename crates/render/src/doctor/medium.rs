@@ -34,6 +34,7 @@ pub fn examine(p: &mut Patient, shape: usize, closed: bool) -> Option<Body> {
     let found = coefficients(d, &p.scene, s, &p.shapes[shape], id);
     let mut body = Body {
         shape,
+        source: s.clone(),
         name: s.name.clone(),
         place: s.place.clone(),
         medium,

@@ -51,8 +51,10 @@ pub struct Finding {
 /// An object that bounds a medium.
 #[derive(Clone, Debug)]
 pub struct Body {
-    /// Number of its first shape in the scene.
-    pub shape: usize,
+    /// Its number among the shapes examined.
+    shape: usize,
+    /// Its description in world space; of an object that stands in several places, where the first instance stands.
+    pub source: ShapeDescription,
     /// Name for messages.
     pub name: String,
     /// Where it was said.
@@ -124,6 +126,7 @@ impl Report {
 
 /// What the parts of the examination share.
 struct Patient<'a> {
+    /// The scene, with the first instance of each object among its shapes.
     d: &'a SceneDescription,
     scene: Scene,
     /// Shapes in world space as the file has them, not turned or capped.
@@ -182,11 +185,32 @@ fn bounds_medium(d: &SceneDescription, s: &ShapeDescription) -> bool {
     is_subsurface(d, s) || (has_media && transmits(d, s.material))
 }
 
-/// Examines a scene.
+/// Returns the scene with each object where its first instance stands, and how often each of these shapes stands in all.
+fn first_instances(d: &SceneDescription) -> (SceneDescription, Vec<usize>) {
+    let mut flat = d.clone();
+    let mut times = vec![1; d.shapes.len()];
+    for (number, object) in d.objects.iter().enumerate() {
+        let mut places = d.instances.iter().filter(|i| i.object == number);
+        let Some(first) = places.next() else {
+            continue;
+        };
+        let n = 1 + places.count();
+        for s in &object.shapes {
+            flat.shapes
+                .push(ShapeDescription { object_to_world: first.object_to_world * s.object_to_world, ..s.clone() });
+            times.push(n);
+        }
+    }
+    (flat, times)
+}
+
+/// Examines a scene. Of an object that stands in several places, the first is examined; the others are counted.
 ///
 /// *Errors*: what makes the scene unusable altogether, as [`Scene::new`] has it; open meshes are findings here.
 pub fn examine(d: &SceneDescription) -> Result<Report, SceneError> {
     let (scene, _) = Scene::new(d, &SceneOptions { open: OpenPolicy::Kill })?;
+    let (flat, times) = first_instances(d);
+    let d = &flat;
     let shapes = d.shapes.iter().map(|s| build_shape(s, &mut Vec::new())).collect::<Result<Vec<_>, _>>()?;
     let mut p = Patient { d, scene, shapes, findings: Vec::new() };
     let mut bodies: Vec<Body> = Vec::new();
@@ -198,10 +222,10 @@ pub fn examine(d: &SceneDescription) -> Result<Report, SceneError> {
                 b.place == s.place && b.name == s.name && Arc::ptr_eq(&d.shapes[b.shape].geometry, &s.geometry)
             });
         if let Some(body) = known {
-            body.count += 1;
+            body.count += times[shape];
         } else if bounds_medium(d, s) {
             let closed = surface::examine(&mut p, shape);
-            bodies.extend(medium::examine(&mut p, shape, closed));
+            bodies.extend(medium::examine(&mut p, shape, closed).map(|b| Body { count: times[shape], ..b }));
         } else {
             surface::examine_opaque(&mut p, shape);
             medium::examine_opaque(&mut p, shape);
@@ -213,5 +237,5 @@ pub fn examine(d: &SceneDescription) -> Result<Report, SceneError> {
     let mut findings = p.findings;
     findings.sort_by_key(|f| f.severity);
     let emitters = d.shapes.iter().filter(|s| s.area_light.is_some()).count();
-    Ok(Report { bodies, findings, shapes: d.shapes.len(), lights: emitters + d.lights.len() })
+    Ok(Report { bodies, findings, shapes: times.iter().sum(), lights: emitters + d.lights.len() })
 }

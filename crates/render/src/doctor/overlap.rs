@@ -8,6 +8,7 @@ use rayon::prelude::*;
 
 use super::surface::point;
 use super::{Body, Patient};
+use crate::description::ShapeDescription;
 
 /// Triangles above which objects are not compared: the comparison casts a ray per edge.
 const MOST: usize = 20_000_000;
@@ -85,20 +86,27 @@ pub fn examine(p: &mut Patient, bodies: &[Body]) {
     }
     for ([a, b], at) in pairs {
         let [first, second] = [closed[a], closed[b]];
-        let other = &p.d.shapes[second];
+        let [one, other] = [first, second].map(|i| &p.d.shapes[i]);
+        let ranked = |s: &ShapeDescription| p.d.materials[s.material].priority.is_some();
+        let refracts = |shape: usize| bodies.iter().any(|b| b.shape == shape && b.eta != 1.0);
         let message = format!(
             "{} and {} ({}) cut through each other, for instance near {}",
-            p.d.shapes[first].name,
+            one.name,
             other.name,
             other.place,
             point(at)
         );
-        p.problem(
-            "overlapping-objects",
-            first,
-            message,
-            "separate them, or let one lie wholly inside the other; where liquid meets its glass leave a gap or model the common wall once",
-        );
+        // With priorities it is clear who is there; without indices the smaller body is, which may be meant.
+        if ranked(one) && ranked(other) {
+            continue;
+        }
+        if refracts(first) || refracts(second) {
+            let advice = "give both materials an `Attribute \"material\" \"integer moonmilk.priority\"`: indices are ambiguous where they cross; or separate them";
+            p.problem("overlapping-objects", first, message, advice);
+        } else {
+            let advice = "where both are, the one of the smaller volume counts; `moonmilk.priority` says it otherwise";
+            p.note("overlapping-objects", first, message, advice);
+        }
     }
 }
 
