@@ -1,7 +1,7 @@
 //! Feeds the readers with mutated files and prints what came of them: panics, the slowest file, the peak of memory.
 //!
 //! `cargo run --release -p moonmilk-io --example fuzz_corpus -- [FILES] [SEED]` (default 100 000 files of seed 1). A file that takes longer
-//! than 10 s ends the program with its number.
+//! than 10 s ends the program with its number; a peak of more than 1 GiB is a failure.
 
 #[path = "../tests/corpus/mod.rs"]
 mod corpus;
@@ -12,6 +12,9 @@ use std::time::{Duration, Instant};
 
 use corpus::{Corpus, Kind};
 use moonmilk_io::fuzz;
+
+/// Most memory of the whole run \[MiB\]: files are at most 64 KiB, and what they unpack to at most 16 MiB.
+const MEMORY: u64 = 1024;
 
 /// Peak of the process's resident memory in MiB, where the system tells it.
 fn peak() -> Option<u64> {
@@ -72,7 +75,7 @@ fn main() {
         );
     }
     println!("{} files, {panics} panics", begun.0.load(Ordering::Relaxed));
-    if panics > 0 {
+    if panics > 0 || peak().is_some_and(|p| p > MEMORY) {
         std::process::exit(4);
     }
 }

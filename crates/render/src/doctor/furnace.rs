@@ -143,6 +143,7 @@ fn alone(d: &SceneDescription, body: &Body, kind: MediumKind, radiance: f32) -> 
             scale: 1.0,
             power: None,
             kind: LightKind::Constant { radiance: SpectrumDescription::Rgb([radiance; 3]) },
+            portal: None,
             medium: None,
         });
     }
