@@ -201,6 +201,7 @@ pub enum Convention {
     Cycles,
     /// glTF extensions, partly drafts.
     Gltf,
+}
 
 /// Arguments of `check`.
 #[derive(Debug, Args)]
