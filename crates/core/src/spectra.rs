@@ -151,6 +151,17 @@ impl Spectra {
         Ok(Self::light(|l| named::planck_over_peak(l, f64::from(temperature))))
     }
 
+    /// Returns a black body's curve, peak 1, as a property: a reflectance or coefficient of that shape, not divided by D65.
+    ///
+    /// *Domain* and *Errors*: as [`Spectra::blackbody`].
+    pub fn blackbody_curve(temperature: f32) -> Result<Self, SpectraError> {
+        if !(temperature > 0.0 && temperature.is_finite()) {
+            return Err(SpectraError::Temperature(temperature));
+        }
+        let curve = |i| named::planck_over_peak(f64::from(LAMBDA_MIN) + i as f64, f64::from(temperature));
+        Ok(Self::Tabulated(Arc::new(Tabulated::per_nm((0..SAMPLES).map(curve)))))
+    }
+
     /// Returns a property (reflectance, coefficient, index) from (wavelength in nm, value) pairs.
     ///
     /// Linear between the points; the end values continue beyond them. *Errors*: no points, wavelengths that do not
@@ -399,6 +410,14 @@ mod tests {
             Spectra::named("metal-au-ets").unwrap_err().to_string(),
             "unknown spectrum \"metal-au-ets\"; did you mean \"metal-Au-eta\"?"
         );
+        // Wien: the peak of 5000 K is at 579.6 nm; the table's points are 1 nm apart.
+        let curve = Spectra::blackbody_curve(5000.0).unwrap();
+        assert!(
+            (curve.eval(579.6) - 1.0).abs() < 1e-5
+                && curve.max_value() <= 1.0
+                && (curve.eval(380.0) - 0.60444).abs() < 1e-4
+        );
+        assert!(Spectra::blackbody_curve(-1.0).is_err());
         assert!(Spectra::blackbody(0.0).is_err() && Spectra::blackbody(f32::NAN).is_err());
     }
 }

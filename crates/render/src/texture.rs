@@ -69,7 +69,7 @@ pub(crate) fn property(d: &SpectrumDescription) -> Result<Spectra, SpectraError>
         SpectrumDescription::Constant(x) => Spectra::sampled(vec![(550.0, *x)]),
         SpectrumDescription::Rgb(rgb) => Spectra::rgb_unbounded(*rgb),
         SpectrumDescription::Sampled(points) => Spectra::sampled(points.clone()),
-        SpectrumDescription::Blackbody(t) => Spectra::blackbody(*t),
+        SpectrumDescription::Blackbody(t) => Spectra::blackbody_curve(*t),
         SpectrumDescription::Named(name) => Spectra::named(name),
     }
 }
@@ -85,6 +85,7 @@ impl Constant {
         let illuminant = match d {
             SpectrumDescription::Rgb(rgb) => Spectra::rgb_illuminant(*rgb)?,
             SpectrumDescription::Sampled(points) => Spectra::sampled_light(points.clone())?,
+            SpectrumDescription::Blackbody(t) => Spectra::blackbody(*t)?,
             _ => unbounded.clone(),
         };
         Ok(Self { albedo, unbounded, illuminant })
