@@ -7,6 +7,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use moonmilk_core::wavelengths::WavelengthMode;
 use moonmilk_render::film::Aov;
 
+use crate::lab_args::{Simulate, Validate};
 use crate::values;
 
 const EXAMPLES: &str = "\
@@ -54,6 +55,10 @@ pub enum Command {
     Render(Box<Render>),
     /// Compare two pictures: mean ratio, MSE, relMSE, FLIP, z-test where variances are known; error picture.
     Diff(Diff),
+    /// Simulate light in layers: reflectance, transmittance, absorption and fluence, each with its error.
+    Simulate(Simulate),
+    /// Measure published and exact values again.
+    Validate(Validate),
     /// Join the checkpoints of consecutive sample ranges into one picture.
     Merge(Merge),
     /// List the models of subsurface scattering: source, validity, when to use them.

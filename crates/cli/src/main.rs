@@ -8,6 +8,7 @@ mod display;
 mod failure;
 mod job;
 mod material;
+mod lab_args;
 mod merge;
 mod models;
 mod output;
@@ -17,7 +18,9 @@ mod replay;
 mod report;
 mod settings;
 mod showcase;
+mod simulate;
 mod usage;
+mod validate;
 mod values;
 
 use std::process::ExitCode;
@@ -43,6 +46,8 @@ fn main() -> ExitCode {
         Some(Command::Models(a)) => models::run(a),
         Some(Command::Material(a)) => material::run(a),
         Some(Command::Check(a)) => check::run(a, cli.log_format),
+        Some(Command::Simulate(a)) => simulate::run_command(a),
+        Some(Command::Validate(a)) => validate::run(a),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -3,7 +3,7 @@
 //! A test of the project fails when its p-value is below a significance fixed beforehand, corrected by [`sidak`] for the
 //! number of tests of the same run.
 
-use statrs::distribution::{ChiSquared, ContinuousCDF, Normal};
+use statrs::distribution::{ChiSquared, ContinuousCDF, Normal, StudentsT};
 
 /// Least expected count of a cell of the chi-square test; rarer cells are pooled.
 pub const POOL_BELOW: f64 = 5.0;
@@ -71,6 +71,13 @@ pub fn z_test(z: f64) -> f64 {
     2.0 * Normal::standard().sf(z.abs())
 }
 
+/// Returns the two-sided p-value of a deviate of Student's law with `freedom` degrees of freedom.
+///
+/// *Domain*: freedom > 0.
+pub fn t_test(t: f64, freedom: f64) -> f64 {
+    2.0 * StudentsT::new(0.0, 1.0, freedom).expect("positive degrees of freedom").sf(t.abs())
+}
+
 /// Returns the significance per test that gives `significance` over `tests` independent ones: 1 - (1 - a)^(1/n).
 pub fn sidak(significance: f64, tests: usize) -> f64 {
     // Through ln and exp so that small significances keep their digits.
@@ -91,6 +98,8 @@ mod tests {
         (counts[0], counts[1]) = (100.0 + d, 100.0 - d);
         assert!((chi_square(&counts, &expected, 0) - 0.05).abs() < 1e-4);
         assert!((z_test(1.959_964) - 0.05).abs() < 1e-6 && (z_test(-2.575_829) - 0.01).abs() < 1e-6);
+        // Student's law: 97.5 % quantiles at 3 and 63 degrees of freedom (tables).
+        assert!((t_test(3.182_446, 3.0) - 0.05).abs() < 1e-6 && (t_test(-1.998_341, 63.0) - 0.05).abs() < 1e-6);
         // Kolmogorov's law: 95 % quantile 1.3581 (tables).
         assert!((kolmogorov_survival(1.3581) - 0.05).abs() < 1e-4);
         assert!((1.0 - (1.0 - sidak(0.01, 20)).powi(20) - 0.01).abs() < 1e-12);

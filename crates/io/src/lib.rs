@@ -22,6 +22,7 @@ pub mod false_color;
 pub mod flip;
 pub mod fuzz;
 pub mod image;
+pub mod lab;
 pub mod metrics;
 pub mod pbrt;
 pub mod ply;

@@ -1,6 +1,41 @@
-//! Experiments on light in translucent bodies without a renderer: begun, and empty so far.
+//! Experiments on light in translucent bodies without a renderer.
 //!
-//! This crate is to hold searchlights, slabs, layers and bodies with their tallies, the models' profiles measured against them, and
-//! fits. It is kept apart from `moonmilk-render` on purpose: neither may use the other. Until it holds something, the exact results to measure
-//! with are in [`moonmilk_optics::halfspace`] and [`moonmilk_optics::slab`], the walk in [`moonmilk_walk::classic`], and its comparison with them in that
-//! crate's tests.
+//! An [`Experiment`] is a stack of layers, a source and what is to be recorded; [`run`] follows photons through it with the walk of
+//! [`moonmilk_walk`] and returns [`Results`], every number with its standard error.
+//!
+//! ```
+//! use moonmilk_lab::{Experiment, LayerSpec, Law, Source, run};
+//!
+//! // van de Hulst's slab: optical thickness 2, alpha = .9, g = .75.
+//! let layer = LayerSpec { name: "slab".into(), thickness: 0.02, n: 1.0, sigma_a: 10.0, sigma_s: 90.0, law: Law::HenyeyGreenstein(0.75) };
+//! let mut slab = Experiment::new(vec![layer], Source::Pencil { angle: 0.0 });
+//! slab.photons = 20_000;
+//! let results = run(&slab)?;
+//! let reflected = results.scalar("reflected").expect("always recorded");
+//! assert!(reflected.z(0.09739).abs() < 5.0);
+//! # Ok::<(), moonmilk_lab::Error>(())
+//! ```
+//!
+//! | question | where |
+//! |---|---|
+//! | how much is reflected, transmitted, absorbed, and where, when, at which angle? | [`run`] |
+//! | where does the table of the profile `tabulated` come from? | [`tabulate`] |
+//!
+//! This crate is kept apart from `moonmilk-render` on purpose: neither may use the other.
+
+pub mod error;
+pub mod experiment;
+pub mod law;
+pub mod plan;
+pub mod profile;
+mod recorder;
+pub mod results;
+pub mod run;
+pub mod tabulate;
+pub mod validate;
+
+pub use error::Error;
+pub use experiment::{Bins, Experiment, LayerSpec, Source, Tallies};
+pub use law::Law;
+pub use results::{GridResult, Results, Scalar};
+pub use run::run;

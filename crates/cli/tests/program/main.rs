@@ -13,4 +13,5 @@ mod exactness;
 mod honesty;
 mod interruptions;
 mod layers;
+mod simulate;
 mod usage;

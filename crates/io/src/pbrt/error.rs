@@ -1,6 +1,7 @@
 //! What can be wrong with a scene, told with its place: file, line, column, the word underlined, and what would be accepted.
 
 use std::fmt;
+use std::ops::Range;
 use std::sync::Arc;
 
 use miette::{Diagnostic, LabeledSpan, MietteError, MietteSpanContents, SourceCode, SourceSpan, SpanContents};
@@ -70,6 +71,18 @@ impl LoadError {
         // Names are looked up at the end of the files; tell the problems in the order of the text.
         problems.sort_by_key(|p| p.order);
         LoadError { problems }
+    }
+
+    /// Returns the error of one problem at a span of bytes of a text.
+    pub fn at(file: &str, text: &[u8], span: Range<usize>, message: &str, help: Option<String>) -> Self {
+        let start = span.start.min(text.len());
+        let line_start = text[..start].iter().rposition(|&b| b == b'\n').map_or(0, |n| n + 1);
+        let line = text[..start].iter().filter(|&&b| b == b'\n').count() as u32 + 1;
+        let column = String::from_utf8_lossy(&text[line_start..start]).chars().count() as u32 + 1;
+        let name: Arc<str> = file.into();
+        let excerpt = Excerpt::new(&name, text, line, line_start, start, span.end);
+        let place = Some(Place { file: name, line, column });
+        Self::new(vec![Problem { place, message: message.into(), help, excerpt: Some(excerpt), order: (0, start) }])
     }
 
     /// All problems, at least one.
