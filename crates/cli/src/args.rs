@@ -7,7 +7,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use moonmilk_core::wavelengths::WavelengthMode;
 use moonmilk_render::film::Aov;
 
-use crate::lab_args::{Simulate, Validate};
+use crate::lab_args::{ProfileArgs, Simulate, Validate};
 use crate::values;
 
 const EXAMPLES: &str = "\
@@ -55,6 +55,8 @@ pub enum Command {
     Render(Box<Render>),
     /// Compare two pictures: mean ratio, MSE, relMSE, FLIP, z-test where variances are known; error picture.
     Diff(Diff),
+    /// Plot R(r) of subsurface models against Monte Carlo, with a table of their errors.
+    Profile(ProfileArgs),
     /// Simulate light in layers: reflectance, transmittance, absorption and fluence, each with its error.
     Simulate(Simulate),
     /// Measure published and exact values again.

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 
 /// Arguments of `simulate`.
 #[derive(Debug, Args)]
@@ -32,4 +32,52 @@ pub struct Validate {
     /// Seed of the random numbers.
     #[arg(long, default_value_t = 1, value_name = "N")]
     pub seed: u64,
+}
+
+/// Arguments of `profile`.
+#[derive(Debug, Args)]
+pub struct ProfileArgs {
+    /// A material by its name, or coefficients such as sigma_a=0.01,sigma_s=1,g=0,eta=1.3.
+    pub material: String,
+    /// Models to compare, separated by commas, or all (default: six usual ones; `moonmilk models` lists them).
+    #[arg(long, value_name = "LIST")]
+    pub models: Option<String>,
+    /// Colour of a named material.
+    #[arg(long, value_enum, default_value = "green", value_name = "COLOUR")]
+    pub channel: Channel,
+    /// Unit of length for labels.
+    #[arg(long, default_value = "mm", value_name = "UNIT")]
+    pub unit: String,
+    /// Number of Monte Carlo paths.
+    #[arg(long, default_value_t = 300_000, value_name = "N", value_parser = clap::value_parser!(u64).range(1000..))]
+    pub photons: u64,
+    /// Seed of the random numbers.
+    #[arg(long, default_value_t = 1, value_name = "N")]
+    pub seed: u64,
+    /// Plot or data to write, .svg, .png, .csv or .json; may be given several times.
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Vec<PathBuf>,
+}
+
+/// A colour of a named material.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Channel {
+    /// Red.
+    Red,
+    /// Green.
+    Green,
+    /// Blue.
+    Blue,
+}
+
+impl Channel {
+    /// Returns its place in triples.
+    pub fn index(self) -> usize {
+        self as usize
+    }
+
+    /// Returns its name.
+    pub fn name(self) -> &'static str {
+        ["red", "green", "blue"][self.index()]
+    }
 }

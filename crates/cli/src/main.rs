@@ -7,11 +7,12 @@ mod diff;
 mod display;
 mod failure;
 mod job;
-mod material;
 mod lab_args;
+mod material;
 mod merge;
 mod models;
 mod output;
+mod profile;
 mod progress;
 mod render;
 mod replay;
@@ -46,6 +47,7 @@ fn main() -> ExitCode {
         Some(Command::Models(a)) => models::run(a),
         Some(Command::Material(a)) => material::run(a),
         Some(Command::Check(a)) => check::run(a, cli.log_format),
+        Some(Command::Profile(a)) => profile::run(a),
         Some(Command::Simulate(a)) => simulate::run_command(a),
         Some(Command::Validate(a)) => validate::run(a),
     };

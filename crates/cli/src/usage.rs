@@ -11,7 +11,7 @@ use crate::args::{Cli, LogFormat};
 use crate::start_logging;
 
 /// Commands of the design that are not in this version.
-const PLANNED: &[&str] = &["compare", "profile", "solve", "fit"];
+const PLANNED: &[&str] = &["compare", "solve", "fit"];
 
 /// Returns the command line, or the exit code after help, version or an error was printed.
 pub fn parse() -> Result<Cli, ExitCode> {

@@ -25,6 +25,7 @@ pub mod image;
 pub mod lab;
 pub mod metrics;
 pub mod pbrt;
+pub mod plot;
 pub mod ply;
 pub mod png;
 pub mod showcase;

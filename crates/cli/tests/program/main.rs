@@ -13,5 +13,6 @@ mod exactness;
 mod honesty;
 mod interruptions;
 mod layers;
+mod profile;
 mod simulate;
 mod usage;
