@@ -39,7 +39,12 @@ pub fn statistics(done: &Done, scene: &Scene) -> Result<(), Failure> {
     let s = done.elapsed.as_secs_f64();
     let lines = [
         format!("samples             {samples} in {s:.2} s ({:.3e} per s)", *samples as f64 / s),
-        format!("collisions          {} ({:.3e} per s)", c.collisions, c.collisions as f64 / s),
+        format!(
+            "collisions          {} ({:.3e} per s), {} null",
+            c.collisions,
+            c.collisions as f64 / s,
+            c.null_collisions
+        ),
         format!("rays                {} outside, {} segments inside, {} to lights", c.rays, c.segments, c.shadow_rays),
         format!(
             "closed bodies       {} entered, {} left, {} ended inside, {} set back, {} lost",

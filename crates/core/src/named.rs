@@ -244,7 +244,7 @@ fn standard_light(illuminant: CieIlluminant) -> Spectra {
 }
 
 /// Returns Planck's spectral radiance per wavelength over its peak value, at a wavelength in nm and a temperature in K.
-pub(crate) fn planck_over_peak(lambda: f64, temperature: f64) -> f64 {
+pub fn planck_over_peak(lambda: f64, temperature: f64) -> f64 {
     /// Second radiation constant hc/k [nm K], CODATA 2018 (exact in the SI).
     const C2: f64 = 1.438_776_877e7;
     /// Root of x = 5 (1 - exp(-x)): Wien's displacement law for wavelengths.

@@ -12,7 +12,7 @@ use std::sync::LazyLock;
 
 use rgb2spec::RGB2Spec;
 
-use crate::color::{LAMBDA_MIN, OBSERVED, SAMPLES, inverse, multiply};
+use crate::color::{LAMBDA_MAX, LAMBDA_MIN, OBSERVED, SAMPLES, inverse, multiply};
 use crate::spectrum::Spectrum;
 use crate::wavelengths::Wavelengths;
 
@@ -102,6 +102,12 @@ impl RgbSpectrum {
     fn quadratic(&self, lambda: f32) -> f32 {
         let [c0, c1, c2] = self.coefficients;
         (c0 * lambda + c1) * lambda + c2
+    }
+
+    /// Returns the wavelength \[nm\] within 380..780 nm at which the spectrum has its only inner extremum, if there is one.
+    pub fn vertex(&self) -> Option<f32> {
+        let [c0, c1, _] = self.coefficients;
+        Some(-0.5 * c1 / c0).filter(|vertex| (LAMBDA_MIN..=LAMBDA_MAX).contains(vertex))
     }
 
     /// Returns the spectrum times a non-negative factor.

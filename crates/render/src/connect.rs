@@ -2,12 +2,13 @@
 
 use moonmilk_core::{Random, Sampler, Spectrum, Vec3, Wavelengths};
 use moonmilk_geometry::{Hit, Surface};
-use moonmilk_walk::{Medium, Tally, Walker};
+use moonmilk_walk::{Medium, Roulette, Tally, Walker, heterogeneous};
 
 use crate::bsdf::Shaded;
 use crate::integrator::{Counters, Light, Path};
 use crate::interior::{Interior, Standing};
 use crate::lights::LightSample;
+use crate::media::Matter;
 use crate::nest::Nest;
 use crate::scene::{Object, Scene};
 use crate::texture::TexturePoint;
@@ -27,13 +28,67 @@ const LEAST: f32 = 0.02;
 pub(crate) struct From<const N: usize> {
     pub p: Vec3,
     pub standing: Standing,
-    pub medium: Option<Medium<N>>,
+    pub medium: Option<Matter<N>>,
     /// Medium around all bodies.
-    pub ambient: Option<Medium<N>>,
+    pub ambient: Option<Matter<N>>,
     pub inside: Nest,
 }
 
-/// Returns the transmittance per lane towards a light, 0 if something is in the way.
+/// What a shadow ray found on its way.
+#[derive(Clone, Copy)]
+pub(crate) struct Passage<const N: usize> {
+    /// Transmittance per lane, or an unbiased estimate of it.
+    pub t: Spectrum<N>,
+    /// The part of it that chance would have lost at random: that of media which scatter. Others weigh every path alike.
+    pub chance: Spectrum<N>,
+    /// Factor of roulette on the whole.
+    pub survival: f32,
+}
+
+impl<const N: usize> Passage<N> {
+    /// Nothing in the way.
+    const FREE: Self = Self { t: Spectrum::ONE, chance: Spectrum::ONE, survival: 1.0 };
+    /// Something in the way.
+    const BLOCKED: Self = Self { t: Spectrum::ZERO, chance: Spectrum::ZERO, survival: 0.0 };
+
+    /// Goes a distance through matter.
+    fn pass(
+        &mut self,
+        scene: &Scene,
+        matter: Option<&Matter<N>>,
+        p: Vec3,
+        d: Vec3,
+        distance: f32,
+        wavelengths: &Wavelengths<N>,
+        rng: &mut impl Random,
+        counters: &mut Counters,
+    ) {
+        let (t, scatters) = match matter {
+            None => return,
+            Some(Matter::Homogeneous(m)) => (m.transmittance(distance), !m.sigma_s.is_black()),
+            Some(Matter::Field(id)) => {
+                let field = scene.field(*id, wavelengths);
+                let weight = self.t.max_value() * self.survival;
+                let roulette = Roulette::default();
+                let found = heterogeneous::transmittance(&field, p, d, distance, weight, &roulette, rng);
+                counters.null_collisions += u64::from(found.collisions);
+                self.survival *= found.survival;
+                (found.transmittance, moonmilk_walk::Field::<N>::scatters(&field))
+            }
+        };
+        self.t *= t;
+        if scatters {
+            self.chance *= t;
+        }
+    }
+
+    /// Returns whether no light comes through.
+    fn is_black(&self) -> bool {
+        self.survival == 0.0 || self.t.is_black()
+    }
+}
+
+/// Returns what gets through per lane towards a light, nothing if something is in the way.
 pub(crate) fn transmittance<const N: usize>(
     scene: &Scene,
     from: &From<N>,
@@ -42,11 +97,11 @@ pub(crate) fn transmittance<const N: usize>(
     wavelengths: &Wavelengths<N>,
     rng: &mut impl Random,
     counters: &mut Counters,
-) -> Spectrum<N> {
+) -> Passage<N> {
     counters.shadow_rays += 1;
     let mut at = from.clone();
     let mut left = distance * END;
-    let mut t = Spectrum::<N>::ONE;
+    let mut passage = Passage::FREE;
     for _ in 0..MOST_CROSSINGS {
         let ray = at.standing.ray_inside(scene, at.inside.innermost(), at.p, wi).up_to(left);
         // Any hit on what never lets light through will do, and without surfaces that may there is nothing more to find.
@@ -57,13 +112,12 @@ pub(crate) fn transmittance<const N: usize>(
             !may_pass
         });
         if blocked {
-            return Spectrum::ZERO;
+            return Passage::BLOCKED;
         }
-        if !passages {
-            return t * at.medium.map_or(Spectrum::ONE, |m| m.transmittance(left / END));
-        }
-        let Some(hit) = scene.accel.nearest(&ray) else {
-            return t * at.medium.map_or(Spectrum::ONE, |m| m.transmittance(left / END));
+        let next = if passages { scene.accel.nearest(&ray) } else { None };
+        let Some(hit) = next else {
+            passage.pass(scene, at.medium.as_ref(), at.p, wi, left / END, wavelengths, rng, counters);
+            return passage;
         };
         let object = &scene.objects[hit.shape as usize];
         let surface = scene.accel.surface(&ray, &hit);
@@ -75,10 +129,11 @@ pub(crate) fn transmittance<const N: usize>(
         // Out of fibres light passes, too.
         let leaves = object.fibre && wi.dot(surface.ng) > 0.0;
         if !cut_out && !leaves && !object.is_open_to_light(at.inside.meet(object, hit.shape, hit.exiting)) {
-            return Spectrum::ZERO;
+            return Passage::BLOCKED;
         }
-        if let Some(m) = at.medium {
-            t *= m.transmittance(hit.t);
+        passage.pass(scene, at.medium.as_ref(), at.p, wi, hit.t, wavelengths, rng, counters);
+        if passage.is_black() {
+            return Passage::BLOCKED;
         }
         left -= hit.t;
         at.p = surface.p;
@@ -88,7 +143,7 @@ pub(crate) fn transmittance<const N: usize>(
             at.cross(scene, object, hit, &point, wi.dot(surface.ng) > 0.0, wavelengths);
         }
     }
-    Spectrum::ZERO
+    Passage::BLOCKED
 }
 
 impl<const N: usize> From<N> {
@@ -129,11 +184,11 @@ fn weighed<const N: usize>(
     value: Spectrum<N>,
     ratio: Spectrum<N>,
     pdf: f32,
-    t: Spectrum<N>,
+    passage: &Passage<N>,
 ) -> Spectrum<N> {
-    let through = (ratio * t).mean();
+    let through = (ratio * passage.chance).mean();
     let density = if sample.is_delta { sample.pdf } else { sample.pdf + pdf * through };
-    value * t * sample.radiance * (1.0 / density)
+    value * passage.t * sample.radiance * (passage.survival / density)
 }
 
 /// Returns a sample with the opacity of the light at its point, `None` where the light is cut out.
@@ -194,9 +249,9 @@ pub(crate) fn at_surface<const N: usize>(
     } else {
         from.cross(scene, object, hit, point, outward, wavelengths);
     }
-    let t = transmittance(scene, &from, sample.wi, sample.distance, wavelengths, rng, counters);
-    if !t.is_black() {
-        light.add(path.walker.collisions, weighed(&sample, path.walker.beta * f, path.walker.ratio, pdf, t));
+    let passage = transmittance(scene, &from, sample.wi, sample.distance, wavelengths, rng, counters);
+    if !passage.is_black() {
+        light.add(path.walker.collisions, weighed(&sample, path.walker.beta * f, path.walker.ratio, pdf, &passage));
     }
 }
 
@@ -209,7 +264,9 @@ pub(crate) struct InMedium<'a, 'b, const N: usize> {
     pub interior: &'b Interior<'a>,
     pub inside: &'b Nest,
     /// Medium around all bodies.
-    pub ambient: Option<Medium<N>>,
+    pub ambient: Option<Matter<N>>,
+    /// The medium walked in.
+    pub around: Matter<N>,
     pub connects: bool,
     /// Connections through the object's boundary.
     pub through: Option<Through<'a>>,
@@ -230,12 +287,26 @@ impl<const N: usize> Tally<N, Sampler> for InMedium<'_, '_, N> {
             // Look for light less often where little can come through: the transmittance to the wall, at most
             // exp(-sigma_t room), is the probability; dividing by it keeps the mean.
             let room = self.interior.room_at(walker.p);
-            let through = (-medium.sigma_t.min_value() * room).exp().min(1.0);
+            // In a field the coefficients here say nothing about the way to the wall.
+            let through = match self.around {
+                Matter::Homogeneous(_) => (-medium.sigma_t.min_value() * room).exp().min(1.0),
+                Matter::Field(_) => 1.0,
+            };
             let probability = if through > 0.5 { 1.0 } else { (2.0 * through).max(LEAST) };
             if probability == 1.0 || rng.uniform() < probability {
                 self.sample_light(walker, medium, arrived * medium.sigma_s * (1.0 / probability), rng);
             }
         }
+    }
+
+    #[inline]
+    fn emission(&mut self, walker: &Walker<N>, radiance: Spectrum<N>) {
+        self.light.add(walker.collisions, radiance);
+    }
+
+    #[inline]
+    fn null_collision(&mut self) {
+        self.counters.null_collisions += 1;
     }
 
     #[inline]
@@ -257,13 +328,14 @@ impl<const N: usize> InMedium<'_, '_, N> {
         let from = From {
             p: walker.p,
             standing: Standing::Space,
-            medium: Some(*medium),
+            medium: Some(self.around),
             ambient: self.ambient,
             inside: self.inside.clone(),
         };
-        let t = transmittance(self.scene, &from, sample.wi, sample.distance, self.wavelengths, rng, self.counters);
-        if !t.is_black() {
-            self.light.add(walker.collisions, weighed(&sample, beta * phase, walker.ratio, phase, t));
+        let passage =
+            transmittance(self.scene, &from, sample.wi, sample.distance, self.wavelengths, rng, self.counters);
+        if !passage.is_black() {
+            self.light.add(walker.collisions, weighed(&sample, beta * phase, walker.ratio, phase, &passage));
         }
     }
 }

@@ -7,6 +7,12 @@ use std::sync::Arc;
 
 use moonmilk_core::{Mat4, Vec2, Vec3};
 
+mod media;
+
+pub use media::{
+    CloudDescription, ColourGrid, DensityGrid, FieldBox, FieldFault, GridEmission, MediumDescription, MediumKind,
+};
+
 /// Where in a file a thing was said; reported in warnings and errors.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct Place {
@@ -187,35 +193,6 @@ pub struct IntegratorDescription {
     pub name: String,
     /// Largest number of bounces as the file counts.
     pub max_depth: u32,
-}
-
-/// A participating medium.
-#[derive(Clone, Debug)]
-pub struct MediumDescription {
-    /// Name in the file.
-    pub name: String,
-    /// Where it was defined.
-    pub place: Place,
-    /// Its kind and coefficients.
-    pub kind: MediumKind,
-}
-
-/// Kinds of media.
-#[derive(Clone, Debug)]
-pub enum MediumKind {
-    /// The same everywhere.
-    Homogeneous {
-        /// Absorption coefficient [1/scene unit], scale applied separately.
-        sigma_a: SpectrumDescription,
-        /// Scattering coefficient [1/scene unit].
-        sigma_s: SpectrumDescription,
-        /// Factor on both coefficients.
-        scale: f32,
-        /// Asymmetry of the Henyey-Greenstein phase function.
-        g: f32,
-        /// Emitted radiance per unit length is sigma_a times this, as in pbrt; `None` for no emission.
-        emission: Option<(SpectrumDescription, f32)>,
-    },
 }
 
 /// A material with its place in the file.

@@ -18,10 +18,13 @@ use crate::bsdf::boundary::branches;
 use crate::bsdf::{Bsdf, Crossing, Kind};
 use crate::connect;
 use crate::interior::{Exit, Interior, Standing};
+use crate::media::Matter;
 use crate::nest::{Meeting, Nest};
 use crate::scene::{Boundary, Object, Scene};
 use crate::texture::TexturePoint;
 use crate::through::{Escape, Through};
+
+mod field;
 
 /// Number of events after which a path is given up and counted: no path of a scene with any loss gets there.
 const ENDLESS: u64 = 1 << 24;
@@ -76,6 +79,8 @@ pub struct Counters {
     pub paths: u64,
     /// Collisions inside media.
     pub collisions: u64,
+    /// Look-ups of fields that were no collisions: null collisions of walks, all of shadow rays.
+    pub null_collisions: u64,
     /// Rays cast outside media, to the nearest hit.
     pub rays: u64,
     /// Segments cast inside media.
@@ -105,6 +110,7 @@ impl Counters {
         let Self {
             paths,
             collisions,
+            null_collisions,
             rays,
             segments,
             shadow_rays,
@@ -118,6 +124,7 @@ impl Counters {
         } = o;
         self.paths += paths;
         self.collisions += collisions;
+        self.null_collisions += null_collisions;
         self.rays += rays;
         self.segments += segments;
         self.shadow_rays += shadow_rays;
@@ -136,9 +143,9 @@ impl Counters {
 pub(crate) struct Path<const N: usize> {
     pub walker: Walker<N>,
     /// Medium around the walker, `None` for vacuum.
-    pub medium: Option<Medium<N>>,
+    pub medium: Option<Matter<N>>,
     /// Medium around all bodies that the walker is inside of.
-    pub ambient: Option<Medium<N>>,
+    pub ambient: Option<Matter<N>>,
     /// Bodies that the walker is inside of.
     pub inside: Nest,
     /// Surface that the walker stands on.
@@ -224,8 +231,10 @@ impl Integrator {
         light: &mut Light<N>,
         counters: &mut Counters,
     ) -> bool {
-        let Some(medium) = path.medium else {
-            return self.step_outside(scene, path, wavelengths, rng, light, counters);
+        let medium = match path.medium {
+            None => return self.step_outside(scene, path, wavelengths, rng, light, counters),
+            Some(Matter::Field(id)) => return self.step_field(scene, path, id, wavelengths, rng, light, counters),
+            Some(Matter::Homogeneous(medium)) => medium,
         };
         if medium.sigma_s.is_black() {
             return self.step_absorbing(scene, path, &medium, wavelengths, rng, light, counters);
@@ -248,12 +257,28 @@ impl Integrator {
             interior: &interior,
             inside: &path.inside,
             ambient: path.ambient,
+            around: Matter::Homogeneous(medium),
             connects,
             through,
         };
         let limits = classic::Limits { roulette: self.roulette, collisions: collisions.saturating_add(limit) };
         let outcome = classic::walk(&interior, &medium, &limits, &mut path.walker, &mut tally, rng);
         counters.segments += interior.segments();
+        self.after_walk(scene, path, outcome, collisions, wavelengths, rng, light, counters)
+    }
+
+    /// Goes on where a walk ended that began with a number of collisions.
+    fn after_walk<const N: usize>(
+        &self,
+        scene: &Scene,
+        path: &mut Path<N>,
+        outcome: Outcome<Exit>,
+        collisions: u32,
+        wavelengths: &Wavelengths<N>,
+        rng: &mut Sampler,
+        light: &mut Light<N>,
+        counters: &mut Counters,
+    ) -> bool {
         let walked = path.walker.collisions - collisions;
         path.depth = path.depth.saturating_add(walked);
         if walked > 0 {

@@ -15,6 +15,7 @@ pub mod integrator;
 mod interior;
 pub mod lights;
 pub mod material;
+mod media;
 pub mod nest;
 pub mod scene;
 pub mod session;

@@ -17,8 +17,8 @@
 
 use moonmilk_core::Vec2;
 use moonmilk_core::{Vec3, Wavelengths};
-use moonmilk_walk::Medium;
 
+use crate::media::Matter;
 use crate::scene::{Object, Scene, Side};
 use crate::texture::TexturePoint;
 
@@ -165,8 +165,8 @@ impl Nest {
         exiting: bool,
         point: &TexturePoint,
         wavelengths: &Wavelengths<N>,
-        medium: &mut Option<Medium<N>>,
-        ambient: &mut Option<Medium<N>>,
+        medium: &mut Option<Matter<N>>,
+        ambient: &mut Option<Matter<N>>,
     ) {
         let object = &scene.objects[shape as usize];
         if exiting {
@@ -185,8 +185,8 @@ impl Nest {
         &self,
         scene: &Scene,
         wavelengths: &Wavelengths<N>,
-        ambient: Option<Medium<N>>,
-    ) -> Option<Medium<N>> {
+        ambient: Option<Matter<N>>,
+    ) -> Option<Matter<N>> {
         for body in self.bodies().iter().rev() {
             let object = &scene.objects[body.shape as usize];
             if object.inside != Side::Same {

@@ -5,17 +5,18 @@ mod objects;
 
 use std::sync::{Arc, OnceLock};
 
-use moonmilk_core::{Spectra, Spectrum, Vec3, Wavelengths};
+use moonmilk_core::{Spectrum, Vec3, Wavelengths};
 use moonmilk_geometry::{Accel, Body, Bounds, Facing, Hit, Ray, Room, Surface};
 use moonmilk_walk::Medium;
 use thiserror::Error;
 
 use crate::bsdf::boundary::near;
 use crate::camera::Camera;
-use crate::description::{FloatTextureId, MediumId, MediumKind, Place, SceneDescription, SpectrumDescription, Warning};
+use crate::description::{FloatTextureId, MediumId, Place, SceneDescription, Warning};
 use crate::filter::Filter;
 use crate::lights::{self, LightError, Lights};
 use crate::material::{MaterialError, Materials};
+use crate::media::{FieldAt, Matter, SceneMedium};
 use crate::nest::{Meeting, Nest};
 use crate::texture::{TexturePoint, Textures};
 use instances::Built;
@@ -187,15 +188,6 @@ impl Object {
     }
 }
 
-/// A medium of the scene, before wavelengths are chosen.
-#[derive(Clone, Debug)]
-struct SceneMedium {
-    sigma_a: Spectra,
-    sigma_s: Spectra,
-    g: f32,
-    emission: Option<Spectra>,
-}
-
 /// A scene ready to be traced; immutable.
 #[derive(Debug)]
 pub struct Scene {
@@ -232,13 +224,11 @@ impl Scene {
         let mut warnings = Vec::new();
         let textures = Textures::new(d)?;
         let materials = Materials::new(d, &textures)?;
-        let media = d.media.iter().map(|m| scene_medium(&m.kind, &m.place, &m.name)).collect::<Result<Vec<_>, _>>()?;
+        let media = d.media.iter().map(SceneMedium::new).collect::<Result<Vec<_>, _>>()?;
         let Built { shapes, mut objects, emitters, groups, places } =
             instances::build(d, &materials, options, &mut warnings)?;
         let lights = Lights::new(d, emitters)?;
-        if lights.is_empty()
-            && !d.media.iter().any(|m| matches!(&m.kind, MediumKind::Homogeneous { emission: Some(_), .. }))
-        {
+        if lights.is_empty() && !d.media.iter().any(|m| m.kind.emits()) {
             warnings.push(Warning { place: None, message: "the scene has no light: the picture will be black".into() });
         }
         let accel = instances::accelerate(d, shapes, groups, &places)?;
@@ -267,14 +257,30 @@ impl Scene {
     }
 
     /// Returns a medium at the wavelengths of a path; `None` if it is empty.
-    pub(crate) fn medium<const N: usize>(&self, id: MediumId, w: &Wavelengths<N>) -> Option<Medium<N>> {
-        let m = &self.media[id];
-        let medium = Medium::new(m.sigma_a.sample(w), m.sigma_s.sample(w), m.g)
-            .with_emission(m.emission.as_ref().map(|e| e.sample(w)));
-        (!medium.sigma_t.is_black()).then_some(medium)
+    pub(crate) fn medium<const N: usize>(&self, id: MediumId, w: &Wavelengths<N>) -> Option<Matter<N>> {
+        match &self.media[id] {
+            SceneMedium::Homogeneous(m) => m.sample(w).map(Matter::Homogeneous),
+            SceneMedium::Field(_) => Some(Matter::Field(id)),
+        }
     }
 
-    fn side<const N: usize>(&self, side: Side, w: &Wavelengths<N>, current: Option<Medium<N>>) -> Option<Medium<N>> {
+    /// Returns a field of the scene at the wavelengths of a path.
+    pub(crate) fn field<const N: usize>(&self, id: MediumId, w: &Wavelengths<N>) -> FieldAt<'_, N> {
+        match &self.media[id] {
+            SceneMedium::Field(f) => f.at(w),
+            SceneMedium::Homogeneous(_) => unreachable!("`medium` makes fields of fields alone"),
+        }
+    }
+
+    /// Returns a homogeneous medium of a medium's mean coefficients; `None` if it is empty.
+    pub(crate) fn mean_medium<const N: usize>(&self, id: MediumId, w: &Wavelengths<N>) -> Option<Medium<N>> {
+        self.medium(id, w).map(|m| match m {
+            Matter::Homogeneous(m) => m,
+            Matter::Field(id) => self.field(id, w).mean(),
+        })
+    }
+
+    fn side<const N: usize>(&self, side: Side, w: &Wavelengths<N>, current: Option<Matter<N>>) -> Option<Matter<N>> {
         match side {
             Side::Same => current,
             Side::Vacuum | Side::Own => None,
@@ -288,10 +294,10 @@ impl Scene {
         object: &Object,
         point: &TexturePoint,
         w: &Wavelengths<N>,
-        current: Option<Medium<N>>,
-    ) -> Option<Medium<N>> {
+        current: Option<Matter<N>>,
+    ) -> Option<Matter<N>> {
         match object.inside {
-            Side::Own => self.materials.medium_at(object.material, &self.textures, point, w),
+            Side::Own => self.materials.medium_at(object.material, &self.textures, point, w).map(Matter::Homogeneous),
             side => self.side(side, w, current),
         }
     }
@@ -303,8 +309,8 @@ impl Scene {
         outward: bool,
         point: &TexturePoint,
         w: &Wavelengths<N>,
-        current: Option<Medium<N>>,
-    ) -> Option<Medium<N>> {
+        current: Option<Matter<N>>,
+    ) -> Option<Matter<N>> {
         if outward { self.medium_outside(object, w, current) } else { self.medium_inside(object, point, w, current) }
     }
 
@@ -379,8 +385,8 @@ impl Scene {
         &self,
         object: &Object,
         w: &Wavelengths<N>,
-        current: Option<Medium<N>>,
-    ) -> Option<Medium<N>> {
+        current: Option<Matter<N>>,
+    ) -> Option<Matter<N>> {
         self.side(object.outside, w, current)
     }
 
@@ -389,9 +395,11 @@ impl Scene {
         self.objects[object as usize].room.get_or_init(|| self.accel.room(object, CLEARANCE_CELLS))
     }
 
-    /// Returns the bytes held by geometry and, where built, clearance.
+    /// Returns the bytes held by geometry, media and, where built, clearance.
     pub fn memory(&self) -> usize {
-        self.accel.memory() + self.objects.iter().filter_map(|o| o.room.get()).map(Room::memory).sum::<usize>()
+        self.accel.memory()
+            + self.media.iter().map(SceneMedium::memory).sum::<usize>()
+            + self.objects.iter().filter_map(|o| o.room.get()).map(Room::memory).sum::<usize>()
     }
 
     /// Returns the normal about which a smooth boundary refracts: interpolated, then turned by a map if the material has one.
@@ -428,6 +436,10 @@ impl Scene {
             Side::Own | Side::Medium(_) => self.medium_inside(object, point, w, None),
             _ => None,
         };
+        let medium = medium.map(|m| match m {
+            Matter::Homogeneous(m) => m,
+            Matter::Field(id) => self.field(id, w).mean(),
+        });
         match medium {
             Some(m) => Spectrum(std::array::from_fn(|i| {
                 let alpha = if m.sigma_t[i] > 0.0 { m.sigma_s[i] / m.sigma_t[i] } else { 0.0 };
@@ -437,42 +449,4 @@ impl Scene {
             None => self.materials.resolve(object.material, &self.textures, surface, point, w, 0.5).bsdf.albedo(),
         }
     }
-}
-
-/// Validates a medium.
-fn scene_medium(kind: &MediumKind, place: &Place, name: &str) -> Result<SceneMedium, SceneError> {
-    let MediumKind::Homogeneous { sigma_a, sigma_s, scale, g, emission } = kind;
-    let fail = |reason: String| SceneError::Medium { place: place.clone(), name: name.into(), reason };
-    if !(*g > -1.0 && *g < 1.0) {
-        return Err(fail(format!("g = {g} is outside (-1, 1)")));
-    }
-    if !(*scale >= 0.0 && scale.is_finite()) {
-        return Err(fail(format!("scale = {scale} is outside [0, inf)")));
-    }
-    let coefficient = |s: &SpectrumDescription, what: &str| {
-        let spectrum = match s {
-            SpectrumDescription::Constant(x) => Ok(Spectra::Constant(*x)),
-            SpectrumDescription::Rgb(rgb) => Spectra::rgb_unbounded(*rgb),
-            SpectrumDescription::Sampled(points) => Spectra::sampled(points.clone()),
-            SpectrumDescription::Blackbody(t) => Spectra::blackbody(*t),
-            SpectrumDescription::Named(n) => Spectra::named(n),
-        };
-        match spectrum.map_err(|e| e.to_string()) {
-            Ok(Spectra::Constant(x)) if !(x >= 0.0 && x.is_finite()) => {
-                Err(fail(format!("{what} = {x} is outside [0, inf)")))
-            }
-            Ok(s) => Ok(s.scaled(*scale)),
-            Err(e) => Err(fail(format!("{what}: {e}"))),
-        }
-    };
-    let emission = match emission {
-        Some((s, factor)) => Some(lights::emission(s, *factor, place)?),
-        None => None,
-    };
-    Ok(SceneMedium {
-        sigma_a: coefficient(sigma_a, "sigma_a")?,
-        sigma_s: coefficient(sigma_s, "sigma_s")?,
-        g: *g,
-        emission,
-    })
 }

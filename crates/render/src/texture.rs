@@ -15,7 +15,7 @@ use crate::description::{
 };
 use crate::material::MaterialError;
 
-mod noise;
+pub(crate) mod noise;
 mod procedural;
 
 /// Where a texture is evaluated.

@@ -32,6 +32,7 @@ use crate::bsdf::Crossing;
 use crate::bsdf::boundary::branches;
 use crate::integrator::{Counters, Light};
 use crate::interior::Standing;
+use crate::media::Matter;
 use crate::nest::{Inside, Nest};
 use crate::scene::{Boundary, Scene};
 
@@ -154,7 +155,7 @@ impl<'a> Through<'a> {
         scene: &'a Scene,
         nest: &Nest,
         medium: &Medium<N>,
-        ambient: Option<&Medium<N>>,
+        ambient: Option<&Matter<N>>,
         wavelengths: &Wavelengths<N>,
     ) -> Option<Self> {
         let [Inside { shape: index, .. }] = *nest.bodies() else { return None };

@@ -2,7 +2,8 @@
 //!
 //! A walk alternates free flights, whose lengths follow exp(-sigma_t t), and collisions, which absorb by weight and
 //! turn the direction by the phase function. It is generic over a [`Domain`] (where is the wall, what happens there) and
-//! a [`Tally`] (what is recorded), and knows neither scenes nor files. Renderer and laboratory both call [`classic::walk`].
+//! a [`Tally`] (what is recorded), and knows neither scenes nor files. Renderer and laboratory both call [`classic::walk`],
+//! or [`heterogeneous::walk`] where coefficients depend on the place ([`Field`]).
 //!
 //! *Weights.* A walk carries several wavelengths. Flights are sampled for lane 0, the hero; lane j follows with the
 //! weight f_j / mean_i p_i (balance heuristic over the lanes, \[Wilkie2014\], \[Miller2019\]). [`Walker::beta`] is that
@@ -11,6 +12,8 @@
 
 pub mod classic;
 pub mod domain;
+pub mod field;
+pub mod heterogeneous;
 pub mod layers;
 pub mod math;
 pub mod medium;
@@ -20,6 +23,7 @@ pub mod walker;
 
 pub use classic::{Limits, Outcome, Roulette, walk};
 pub use domain::{Domain, Wall};
+pub use field::{Field, Grid, Majorants};
 pub use layers::{Stack, walk_stack};
 pub use medium::Medium;
 pub use phase::PhaseFunction;

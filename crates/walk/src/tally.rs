@@ -17,6 +17,14 @@ pub trait Tally<const N: usize, R: Random, P = HenyeyGreenstein> {
     #[inline]
     fn collision(&mut self, _walker: &mut Walker<N>, _medium: &Medium<N, P>, _arrived: Spectrum<N>, _rng: &mut R) {}
 
+    /// Called in fields at each tentative collision with what is emitted towards the start of the path; `radiance` has its weight.
+    #[inline]
+    fn emission(&mut self, _walker: &Walker<N>, _radiance: Spectrum<N>) {}
+
+    /// Called in fields at each tentative collision that was none.
+    #[inline]
+    fn null_collision(&mut self) {}
+
     /// Returns whether this tally looks for light at collisions. If not, directions count as drawn without competition, so
     /// that lights found by chance count in full.
     #[inline]

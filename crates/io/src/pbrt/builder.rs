@@ -468,7 +468,8 @@ impl Builder {
                 }
                 let params = Params::within(space, format!("medium \"{kind}\""), spot, own, attributes.medium);
                 self.medium_names.insert(kind.clone(), self.media.len());
-                self.media.push(media::medium(cx, kind, params));
+                let to_world = self.placement(cx, spot).as_mat4();
+                self.media.push(media::medium(cx, kind, params, to_world));
             }
             "MakeNamedMaterial" => {
                 self.in_world(cx, spot, directive);

@@ -17,6 +17,7 @@ mod camera;
 mod context;
 mod curves;
 mod error;
+mod fields;
 mod files;
 mod images;
 mod lexer;

@@ -358,14 +358,6 @@ impl Params {
         }
     }
 
-    /// Forgets a parameter that the stand-in of an unsupported thing must not see.
-    pub(crate) fn drop(&mut self, name: &str) {
-        while let Some(i) = self.own.iter().position(|p| p.name == name) {
-            self.own.remove(i);
-            self.used.remove(i);
-        }
-    }
-
     /// Reports what nobody asked for.
     pub(crate) fn finish(self, cx: &mut Context) {
         for (param, _) in self.own.iter().zip(&self.used).filter(|(_, used)| !**used) {

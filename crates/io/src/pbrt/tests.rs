@@ -92,7 +92,9 @@ fn a_small_scene_has_this_description() {
     assert_eq!((s.sampler.samples, s.sampler.seed), (256, 0));
     assert_eq!((s.integrator.name.as_str(), s.integrator.max_depth), ("volpath", 100_000));
     assert_eq!((s.media.len(), s.media[0].place.clone()), (1, place(11, 1)));
-    let MediumKind::Homogeneous { sigma_a, sigma_s, scale, g, emission } = &s.media[0].kind;
+    let MediumKind::Homogeneous { sigma_a, sigma_s, scale, g, emission } = &s.media[0].kind else {
+        panic!("homogeneous")
+    };
     assert_eq!(*sigma_a, SpectrumDescription::Sampled(vec![(200.0, 0.0025), (1000.0, 0.0025)]));
     assert_eq!((sigma_s, *scale, *g, emission), (&SpectrumDescription::Rgb([12.2; 3]), 1.0, 0.9, &None));
     let [shape] = s.shapes.as_slice() else { panic!("one shape") };

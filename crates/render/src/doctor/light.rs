@@ -54,7 +54,10 @@ pub fn examine(p: &mut Patient, bodies: &[Body]) {
 }
 
 fn emits(m: &crate::description::MediumDescription) -> bool {
-    matches!(&m.kind, MediumKind::Homogeneous { emission: Some((s, scale)), .. } if *scale > 0.0 && !is_black(s))
+    match &m.kind {
+        MediumKind::Homogeneous { emission: Some((s, scale)), .. } => *scale > 0.0 && !is_black(s),
+        field => field.emits(),
+    }
 }
 
 fn is_black(s: &SpectrumDescription) -> bool {

@@ -96,7 +96,9 @@ fn coefficients(
 ) -> Vec<([f32; 3], [f32; 3], f32)> {
     let MaterialKind::Subsurface { medium, .. } = &d.materials[s.material].kind else {
         let empty = ([0.0; 3], [0.0; 3], 0.0);
-        return vec![id.and_then(|id| scene.medium::<3>(id, &RGB)).map_or(empty, |m| (m.sigma_a.0, m.sigma_s.0, m.g))];
+        return vec![
+            id.and_then(|id| scene.mean_medium::<3>(id, &RGB)).map_or(empty, |m| (m.sigma_a.0, m.sigma_s.0, m.g)),
+        ];
     };
     let points = if is_textured(d, medium) { surface_points(shape) } else { vec![(Vec3::ZERO, Vec3::Z, Vec2::ZERO)] };
     let at = |(p, n, uv): (Vec3, Vec3, Vec2)| {

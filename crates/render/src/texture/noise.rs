@@ -31,7 +31,7 @@ const LACUNARITY: f32 = 1.99;
 const MEAN_ABSOLUTE: f32 = 0.2;
 
 /// Returns the noise at p, in \[-1, 1\]; 0 where p is not finite.
-pub(super) fn noise(p: Vec3) -> f32 {
+pub(crate) fn noise(p: Vec3) -> f32 {
     if !p.is_finite() {
         return 0.0;
     }

@@ -45,7 +45,9 @@ fn scene(scale: f32) -> Tracer {
         shape.geometry = Arc::new(scaled(&shape.geometry, scale));
     }
     for medium in &mut world.0.media {
-        let MediumKind::Homogeneous { sigma_a, sigma_s, .. } = &mut medium.kind;
+        let MediumKind::Homogeneous { sigma_a, sigma_s, .. } = &mut medium.kind else {
+            unreachable!("these media are homogeneous")
+        };
         for s in [sigma_a, sigma_s] {
             let SpectrumDescription::Constant(x) = s else { unreachable!("these media are grey") };
             *x /= scale;

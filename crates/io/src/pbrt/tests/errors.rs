@@ -51,6 +51,36 @@ fn errors_have_exact_texts() {
             "scene.pbrt:1:70: g = 1.2 is outside (-1, 1)",
             "",
         ),
+        (
+            "WorldBegin MakeNamedMedium \"m\" \"string type\" \"uniformgrid\" \"float density\" [1 2 3] \"integer nx\" 2",
+            "scene.pbrt:1:76: `density` has 3 values, but nx * ny * nz = 2 * 1 * 1 = 2",
+            "",
+        ),
+        (
+            "WorldBegin MakeNamedMedium \"m\" \"string type\" \"uniformgrid\" \"float density\" [1 -2] \"integer nx\" 2",
+            "scene.pbrt:1:76: value 2 of `density` is -2, not in [0, inf)",
+            "",
+        ),
+        (
+            "WorldBegin MakeNamedMedium \"m\" \"string type\" \"uniformgrid\" \"rgb density\" [1 2 3]",
+            "scene.pbrt:1:61: `density` of medium \"m\" is not of type rgb",
+            "write `float density`",
+        ),
+        (
+            "WorldBegin MakeNamedMedium \"m\" \"string type\" \"rgbgrid\"",
+            "scene.pbrt:1:47: `sigma_a` or `sigma_s` is needed",
+            "",
+        ),
+        (
+            "WorldBegin MakeNamedMedium \"m\" \"string type\" \"rgbgrid\" \"rgb sigma_s\" [1 2 3 4]",
+            "scene.pbrt:1:61: `sigma_s` takes triples of numbers, 4 given",
+            "",
+        ),
+        (
+            "WorldBegin MakeNamedMedium \"m\" \"string type\" \"nanovdb\" \"string filename\" \"smoke.nvdb\"",
+            "scene.pbrt:1:12: medium `m` is a NanoVDB file",
+            "convert the grid into a `uniformgrid`",
+        ),
         ("WorldBegin Shape \"sphere\" \"float radius\" [1 2]", "scene.pbrt:1:34: `radius` takes 1 number, 2 given", ""),
         (
             "WorldBegin Shape \"sphere\" \"float radius\" \"1\"",

@@ -143,8 +143,34 @@ fn media_lie_where_the_interface_says() {
     .scene;
     let media: Vec<_> = scene.shapes.iter().map(|s| s.media.map(|m| (m.inside, m.outside))).collect();
     assert_eq!(media, [Some((Some(0), Some(1))), Some((Some(0), None)), None, None]);
-    let MediumKind::Homogeneous { scale, g, emission, .. } = &scene.media[0].kind;
+    let MediumKind::Homogeneous { scale, g, emission, .. } = &scene.media[0].kind else { panic!("homogeneous") };
     assert_eq!((*scale, *g, emission.clone()), (3.0, 0.5, Some((SpectrumDescription::Blackbody(3000.0), 1.0))));
+}
+
+#[test]
+fn fields_are_read_with_their_box_and_transform() {
+    let kinds = world(
+        "Translate 1 2 3 Scale 2 2 2
+        MakeNamedMedium \"d\" \"string type\" \"uniformgrid\" \"integer nx\" 2 \"integer nz\" 2 \"float density\" [0 1 2 3] \"float scale\" 4
+            \"point3 p0\" [-1 -1 -1] \"spectrum sigma_a\" [400 0 800 0] \"float g\" .3 \"float temperature\" [1 2 3 4] \"float temperaturecutoff\" 2
+        MakeNamedMedium \"c\" \"string type\" \"rgbgrid\" \"integer ny\" 2 \"rgb sigma_a\" [0 1 2 3 4 5] \"rgb Le\" [1 1 1 2 2 2] \"float Lescale\" 7
+        MakeNamedMedium \"w\" \"string type\" \"cloud\" \"float wispiness\" 3",
+    )
+    .scene
+    .media
+    .into_iter()
+    .map(|m| m.kind)
+    .collect::<Vec<_>>();
+    let [MediumKind::Densities(d), MediumKind::Colours(c), MediumKind::Cloud(w)] = kinds.as_slice() else {
+        panic!("{kinds:?}")
+    };
+    assert_eq!((d.size, d.density.as_slice(), d.scale, d.g), ([2, 1, 2], &[0.0, 1.0, 2.0, 3.0][..], 4.0, 0.3));
+    assert_eq!((d.bounds.p0, d.bounds.p1), (Vec3::splat(-1.0), Vec3::ONE));
+    assert_eq!(d.bounds.medium_to_world.transform_point3(Vec3::ONE), Vec3::new(3.0, 4.0, 5.0));
+    assert_eq!(d.sigma_s, SpectrumDescription::Constant(1.0));
+    assert!(matches!(&d.emission, GridEmission::Temperature { values, offset: 2.0, scale: 1.0 } if values.len() == 4));
+    assert_eq!((c.sigma_a.len(), c.sigma_s.len(), c.emission[1], c.emission_scale), (2, 0, [2.0; 3], 7.0));
+    assert_eq!((w.wispiness, w.frequency, w.density), (3.0, 5.0, 1.0));
 }
 
 #[test]

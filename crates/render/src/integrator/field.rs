@@ -1,0 +1,61 @@
+//! Paths through media that differ from place to place.
+
+use moonmilk_core::{Sampler, Wavelengths};
+use moonmilk_walk::{Outcome, classic, heterogeneous};
+
+use super::{Counters, ENDLESS, Integrator, Light, Path};
+use crate::connect;
+use crate::description::MediumId;
+use crate::interior::Interior;
+use crate::media::Matter;
+use crate::scene::Scene;
+
+impl Integrator {
+    /// Walks through a field until a wall leaves something to decide; returns whether the path goes on.
+    ///
+    /// Lights behind the object's own smooth boundary are left to chance: connections through it know homogeneous media only.
+    pub(super) fn step_field<const N: usize>(
+        &self,
+        scene: &Scene,
+        path: &mut Path<N>,
+        id: MediumId,
+        wavelengths: &Wavelengths<N>,
+        rng: &mut Sampler,
+        light: &mut Light<N>,
+        counters: &mut Counters,
+    ) -> bool {
+        let field = scene.field(id, wavelengths);
+        let interior = Interior::new(scene, &path.inside, self.max_depth.is_some(), path.standing, None);
+        let collisions = path.walker.collisions;
+        let limit = self.max_depth.map_or(ENDLESS as u32, |m| m - path.depth.min(m));
+        let mut tally = connect::InMedium {
+            scene,
+            wavelengths,
+            light,
+            counters,
+            interior: &interior,
+            inside: &path.inside,
+            ambient: path.ambient,
+            around: Matter::Field(id),
+            connects: !scene.lights.is_empty() && interior.connects(),
+            through: None,
+        };
+        let limits = classic::Limits { roulette: self.roulette, collisions: collisions.saturating_add(limit) };
+        let outcome = heterogeneous::walk(&interior, &field, &limits, &mut path.walker, &mut tally, rng);
+        counters.segments += interior.segments();
+        let outcome = match outcome {
+            Outcome::Left(Some(exit)) => Outcome::Left(exit),
+            Outcome::Left(None) => {
+                // Past all matter: what is left is the sky.
+                if path.walker.collisions > collisions {
+                    path.normal = None;
+                }
+                self.environment(scene, path, wavelengths, light);
+                return false;
+            }
+            Outcome::Ended => Outcome::Ended,
+            Outcome::Lost => Outcome::Lost,
+        };
+        self.after_walk(scene, path, outcome, collisions, wavelengths, rng, light, counters)
+    }
+}
