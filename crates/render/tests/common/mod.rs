@@ -15,9 +15,13 @@ use rayon::prelude::*;
 /// Standard errors that a comparison accepts: 1e-6 two-sided.
 pub const Z: f64 = 4.9;
 
-/// Returns the number of samples of a measurement: `usual`, or `slow` times as many if `MOONMILK_SLOW` is set.
+/// Returns the number of samples of a measurement: `usual`, or `slow` times as many if `MOONMILK_SLOW` is 1, and k times more than
+/// that if it is k.
 pub fn samples(usual: u64, slow: u64) -> u64 {
-    if std::env::var_os("MOONMILK_SLOW").is_some() { usual * slow } else { usual }
+    match std::env::var("MOONMILK_SLOW") {
+        Ok(k) => usual * slow * k.parse::<u64>().expect("MOONMILK_SLOW is a number"),
+        Err(_) => usual,
+    }
 }
 
 /// Returns means and standard errors of the K numbers that f yields for 0..n, the same whatever the threads.

@@ -1,11 +1,11 @@
-//! Prints build times, memory and Mray/s on a bumpy sphere of 327 680 triangles (or the mesh of another level):
-//! `cargo run --release -p moonmilk-geometry --example rays [levels]`.
+//! Prints build times, memory and Mray/s on a bumpy sphere of 327 680 triangles, on that of another level, or on a closed PLY mesh:
+//! `cargo run --release -p moonmilk-io --example rays [LEVELS | MESH.ply]`.
 
 use std::time::Instant;
 
 use moonmilk_core::{Random, Stream, Vec3};
 use moonmilk_geometry::bvh::{Quality, Search};
-use moonmilk_geometry::{Accel, Clearance, Facing, NONE, Ray, Shape, clearance, generate};
+use moonmilk_geometry::{Accel, Clearance, Facing, Mesh, NONE, Ray, Shape, clearance, generate};
 
 fn direction(r: &mut Stream) -> Vec3 {
     let (z, phi) = (2.0 * r.uniform() - 1.0, std::f32::consts::TAU * r.uniform());
@@ -29,10 +29,10 @@ fn rate(name: &str, accel: &Accel, rays: &[Ray]) {
 }
 
 /// Prints the time per segment of a random walk inside: flights, collisions, specular reflection at the wall.
-fn walk(accel: &Accel, mfp: f32) {
+fn walk(accel: &Accel, start: Vec3, mfp: f32) {
     let body = accel.body(0..1);
     let mut r = Stream::new(&[2]);
-    let (mut p, mut d, mut skip) = (Vec3::ZERO, Vec3::X, NONE);
+    let (mut p, mut d, mut skip) = (start, Vec3::X, NONE);
     let (count, mut walls, mut rescued) = (1_000_000, 0, 0);
     let start = Instant::now();
     for _ in 0..count {
@@ -61,21 +61,51 @@ fn peak() -> f64 {
     line.split_whitespace().nth(1).and_then(|n| n.parse::<f64>().ok()).unwrap_or(0.0) * 1024.0
 }
 
+/// Returns points inside a closed mesh: on random lines through its box, between where they enter it and where they leave it.
+fn points_inside(accel: &Accel, count: usize, r: &mut Stream) -> Vec<Vec3> {
+    let bounds = accel.bounds();
+    let (center, radius) = (bounds.center(), 0.5 * bounds.extent().length());
+    let body = accel.body(0..1);
+    let mut points = Vec::with_capacity(count);
+    while points.len() < count {
+        let (o, to) = (direction(r) * 2.0 * radius, direction(r) * radius * r.uniform());
+        let line = Ray::new(center + o, (to - o).normalize()).facing(Facing::Entering(body));
+        let Some(entry) = accel.nearest(&line) else { continue };
+        let inward = Ray::new(line.at(entry.t), line.d).from_prim(entry.prim).facing(Facing::Exiting(body));
+        if let Some(exit) = accel.nearest(&inward) {
+            points.push(inward.at(exit.t * r.uniform()));
+        }
+    }
+    points
+}
+
+/// Returns the mesh that the first argument says.
+fn mesh() -> Mesh {
+    let argument = std::env::args().nth(1).unwrap_or_else(|| "7".into());
+    if let Ok(levels) = argument.parse() {
+        return generate::bumpy_sphere(levels, 0.2);
+    }
+    let bytes = std::fs::read(&argument).expect("the mesh can be read");
+    let read = moonmilk_io::ply::read(&bytes).expect("the mesh is a PLY file");
+    Mesh::new(read.positions, read.normals, read.uvs, read.indices).expect("the mesh is valid")
+}
+
 fn main() {
-    let levels = std::env::args().nth(1).and_then(|a| a.parse().ok()).unwrap_or(7);
-    let mesh = generate::bumpy_sphere(levels, 0.2);
+    let mesh = mesh();
     let n = mesh.indices().len();
     println!("{n} triangles, mesh {:.1} bytes per triangle", mesh.memory() as f64 / n as f64);
 
-    // Make the rays once.
+    // Make the rays once. Lengths are in units of half the longest side.
     let mut r = Stream::new(&[1]);
     let count = 500_000;
-    let inside: Vec<Ray> =
-        (0..count).map(|_| Ray::new(direction(&mut r) * 0.5 * r.uniform(), direction(&mut r))).collect();
+    let bounds = mesh.bounds();
+    let (center, unit) = (bounds.center(), 0.5 * bounds.extent().max_element());
+    let points = points_inside(&Accel::build(vec![Shape::from(mesh.clone())]), count, &mut r);
+    let inside: Vec<Ray> = points.iter().map(|&p| Ray::new(p, direction(&mut r))).collect();
     let outside: Vec<Ray> = (0..count)
         .map(|_| {
-            let (o, to) = (direction(&mut r) * 4.0, direction(&mut r) * r.uniform());
-            Ray::new(o, (to - o).normalize())
+            let (o, to) = (direction(&mut r) * 4.0 * unit, direction(&mut r) * unit * r.uniform());
+            Ray::new(center + o, (to - o).normalize())
         })
         .collect();
 
@@ -104,7 +134,7 @@ fn main() {
             let Some(hit) = accel.nearest(ray) else {
                 continue;
             };
-            let below = Ray::new(ray.at(hit.t * 0.99), direction(&mut r)).up_to(0.02);
+            let below = Ray::new(ray.at(hit.t * 0.99), direction(&mut r)).up_to(0.02 * unit);
             short.push(below);
             walk_rays.push(below.facing(Facing::Exiting(body)));
         }
@@ -112,8 +142,8 @@ fn main() {
         rate("outside, incoherent", &accel, &outside);
         rate("short (0.02) below the surface", &accel, &short);
         rate("the same, exits only", &accel, &walk_rays);
-        walk(&accel, 0.02);
-        walk(&accel, 0.2);
+        walk(&accel, points[0], 0.02 * unit);
+        walk(&accel, points[0], 0.2 * unit);
     }
 
     let shape = Shape::from(mesh);
@@ -121,7 +151,6 @@ fn main() {
         let start = Instant::now();
         let c = Clearance::build(&[&shape], shape.bounds(), cells);
         let built = start.elapsed().as_secs_f64();
-        let points: Vec<Vec3> = inside.iter().map(|r| r.o + r.d * 0.3).collect();
         let start = Instant::now();
         let sum: f64 = points.iter().map(|&p| f64::from(c.bound(p))).sum();
         let ns = start.elapsed().as_secs_f64() * 1e9 / points.len() as f64;
