@@ -121,10 +121,10 @@ fn dense_balls_keep_light_for_their_mean_path_length() {
     // chord, 4/3), where counting lengths would need 1e13 collisions. What it leaves out, that the mean length of a flight is right, is
     // what the other tests of path lengths are about.
     for (eta, tau, g, n) in [
-        (1.5f32, 1000.0f32, 0.0f32, 1500),
-        (1.0, 1000.0, 0.9, 3000),
-        (1.33, 100.0, 0.5, 15_000),
-        (2.0, 30.0, 0.95, 15_000),
+        (1.5f32, 1000.0f32, 0.0f32, 21_000),
+        (1.0, 1000.0, 0.9, 3_100),
+        (1.33, 100.0, 0.5, 16_000),
+        (2.0, 30.0, 0.95, 50_000),
     ] {
         let medium = gray(0.0, 0.75 * tau, g);
         let (at_wall, mut sum) = (Cell::new(0.0), Accumulator::default());
