@@ -12,6 +12,9 @@ use crate::Outcome;
 use crate::args::{Convention, Material};
 use crate::failure::Failure;
 
+/// A name and the number that stands for it.
+type Row = (&'static str, fn(&Conventions) -> f64);
+
 /// Wavelengths that stand for red, green and blue where a spectrum is reduced to three numbers \[nm\].
 const RGB_NM: [f64; 3] = [610.0, 550.0, 465.0];
 
@@ -179,7 +182,7 @@ impl Colours {
     }
 
     fn reduced(&self) -> (String, Vec<String>) {
-        let rows: [(&str, fn(&Conventions) -> f64); 6] = [
+        let rows: [Row; 6] = [
             ("sigma_a", |c| c.properties.sigma_a()),
             ("sigma_s'", |c| c.properties.sigma_s_prime()),
             ("alpha'", |c| c.properties.alpha_prime()),
@@ -200,7 +203,7 @@ impl Colours {
     }
 
     fn albedo_mfp(&self) -> (String, Vec<String>) {
-        let rows: [(&str, fn(&Conventions) -> f64); 5] = [
+        let rows: [Row; 5] = [
             ("albedo, normal", |c| c.albedo_normal),
             ("albedo, diffuse", |c| c.albedo_diffuse),
             ("mfp [mm]", |c| c.mfp),

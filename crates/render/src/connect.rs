@@ -11,6 +11,7 @@ use crate::lights::LightSample;
 use crate::media::Matter;
 use crate::nest::Nest;
 use crate::scene::{Object, Scene};
+use crate::snag::Snag;
 use crate::texture::TexturePoint;
 use crate::through::Through;
 
@@ -102,6 +103,7 @@ pub(crate) fn transmittance<const N: usize>(
     let mut at = from.clone();
     let mut left = distance * END;
     let mut passage = Passage::FREE;
+    let mut snag = Snag::new(at.p);
     for _ in 0..MOST_CROSSINGS {
         let ray = at.standing.ray_inside(scene, at.inside.innermost(), at.p, wi).up_to(left);
         // Any hit on what never lets light through will do, and without surfaces that may there is nothing more to find.
@@ -141,6 +143,17 @@ pub(crate) fn transmittance<const N: usize>(
             at.standing = Standing::Through(hit);
         } else {
             at.cross(scene, object, hit, &point, wi.dot(surface.ng) > 0.0, wavelengths);
+        }
+        // Get away from walls at the same place.
+        if let Some(step) = snag.meet(scene, at.p, &at.standing) {
+            if step >= left {
+                return passage;
+            }
+            left -= step;
+            at.p += wi * step;
+            at.standing = Standing::Space;
+            at.inside = scene.nest_at(at.p);
+            at.medium = at.inside.medium(scene, wavelengths, at.ambient);
         }
     }
     Passage::BLOCKED

@@ -21,6 +21,7 @@ use crate::interior::{Exit, Interior, Standing};
 use crate::media::Matter;
 use crate::nest::{Meeting, Nest};
 use crate::scene::{Boundary, Object, Scene};
+use crate::snag::Snag;
 use crate::texture::TexturePoint;
 use crate::through::{Escape, Through};
 
@@ -212,8 +213,16 @@ impl Integrator {
         counters: &mut Counters,
     ) {
         let mut events = 0u64;
+        let (mut snag, mut collisions) = (Snag::new(path.walker.p), path.walker.collisions);
         while self.step(scene, path, wavelengths, rng, light, counters) {
             events += 1;
+            // Free paths that rounding holds between walls at the same place.
+            if path.walker.collisions != collisions {
+                (snag, collisions) = (Snag::new(path.walker.p), path.walker.collisions);
+            } else if let Some(step) = snag.meet(scene, path.walker.p, &path.standing) {
+                counters.rescued += 1;
+                path.free(scene, step, wavelengths);
+            }
             if events + u64::from(path.walker.collisions) > ENDLESS {
                 counters.endless += 1;
                 break;
@@ -608,6 +617,20 @@ impl<const N: usize> Path<N> {
         self.walker.scatter_point = self.walker.p;
         self.walker.room = 0.0;
         self.normal = None;
+    }
+
+    /// Moves the walker on by a step and finds out anew what is there; radiance scales with the squared index of that.
+    fn free(&mut self, scene: &Scene, step: f32, wavelengths: &Wavelengths<N>) {
+        let index = |nest: &Nest| nest.bodies().last().map_or(1.0, |b| b.index);
+        let before = index(&self.inside);
+        self.walker.p += self.walker.d * step;
+        self.walker.room = 0.0;
+        self.standing = Standing::Space;
+        self.inside = scene.nest_at(self.walker.p);
+        self.medium = self.inside.medium(scene, wavelengths, self.ambient);
+        let factor = (before / index(&self.inside)).powi(2);
+        self.walker.beta *= factor;
+        self.walker.eta_scale /= factor;
     }
 
     /// Notes that the walker stands on a surface and leaves it on the outer or inner side.

@@ -28,7 +28,7 @@ pub enum Standing {
 
 impl Standing {
     /// Returns the shape stood on.
-    fn shape(&self) -> Option<u32> {
+    pub(crate) fn shape(&self) -> Option<u32> {
         match self {
             Standing::Space => None,
             Standing::On(h) | Standing::Through(h) | Standing::Outside(h) | Standing::Inside(h) => Some(h.shape),

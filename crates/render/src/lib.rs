@@ -19,5 +19,6 @@ mod media;
 pub mod nest;
 pub mod scene;
 pub mod session;
+mod snag;
 pub mod texture;
 mod through;

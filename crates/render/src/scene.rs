@@ -340,7 +340,7 @@ impl Scene {
         }
         // Directions along which no mesh is likely to be laid out.
         const LINES: [Vec3; 3] = [
-            Vec3::new(0.5377, 0.3183, 0.7808),
+            Vec3::new(0.5377, 0.3191, 0.7808),
             Vec3::new(-0.8217, 0.2706, -0.5016),
             Vec3::new(0.1414, -0.9511, 0.2747),
         ];

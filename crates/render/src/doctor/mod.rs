@@ -214,18 +214,17 @@ pub fn examine(d: &SceneDescription) -> Result<Report, SceneError> {
     let shapes = d.shapes.iter().map(|s| build_shape(s, &mut Vec::new())).collect::<Result<Vec<_>, _>>()?;
     let mut p = Patient { d, scene, shapes, findings: Vec::new() };
     let mut bodies: Vec<Body> = Vec::new();
-    for shape in 0..d.shapes.len() {
+    for (shape, (s, &times)) in d.shapes.iter().zip(&times).enumerate() {
         // Examine copies of one form once.
-        let s = &d.shapes[shape];
         let known =
             bodies.iter_mut().rev().take(64).find(|b| {
                 b.place == s.place && b.name == s.name && Arc::ptr_eq(&d.shapes[b.shape].geometry, &s.geometry)
             });
         if let Some(body) = known {
-            body.count += times[shape];
+            body.count += times;
         } else if bounds_medium(d, s) {
             let closed = surface::examine(&mut p, shape);
-            bodies.extend(medium::examine(&mut p, shape, closed).map(|b| Body { count: times[shape], ..b }));
+            bodies.extend(medium::examine(&mut p, shape, closed).map(|b| Body { count: times, ..b }));
         } else {
             surface::examine_opaque(&mut p, shape);
             medium::examine_opaque(&mut p, shape);

@@ -267,8 +267,8 @@ fn sampled_lights_in_a_fog_are_as_bright_as_lights_found_by_chance() {
                 w.to_rgb(light.orders.into_iter().fold(Spectrum::ZERO, |a, b| a + b)).map(f64::from)
             })
         });
-        for c in 0..3 {
-            assert_equal(&format!("lamp in {what}, channel {c}"), found[0][c], found[1][c]);
+        for (c, (by_sampling, by_chance)) in std::iter::zip(found[0], found[1]).enumerate() {
+            assert_equal(&format!("lamp in {what}, channel {c}"), by_sampling, by_chance);
         }
     }
 }

@@ -45,7 +45,8 @@ fn all_scenes_of_other_people_are_read_to_the_end() {
                     "prism_dispersion.pbrt",
                     "all_mtypes.pbrt",
                 ];
-                if !known.iter().any(|k| name.ends_with(k)) {
+                let unreadable = error.problems().iter().any(|p| p.message.contains("NanoVDB"));
+                if !unreadable && !known.iter().any(|k| name.ends_with(k)) {
                     unexpected.push(format!("{name}: {error}"));
                 }
             }
