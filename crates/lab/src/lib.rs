@@ -1,6 +1,6 @@
 //! Experiments on light in translucent bodies without a renderer.
 //!
-//! An [`Experiment`] is a stack of layers, a source and what is to be recorded; [`run`] follows photons through it with the walk of
+//! An [`Experiment`] is a stack of layers, a source and what is to be recorded; [`run()`] follows photons through it with the walk of
 //! [`moonmilk_walk`] and returns [`Results`], every number with its standard error.
 //!
 //! ```
@@ -18,7 +18,7 @@
 //!
 //! | question | where |
 //! |---|---|
-//! | how much is reflected, transmitted, absorbed, and where, when, at which angle? | [`run`] |
+//! | how much is reflected, transmitted, absorbed, and where, when, at which angle? | [`run()`] |
 //! | where does the table of the profile `tabulated` come from? | [`tabulate`] |
 //!
 //! This crate is kept apart from `moonmilk-render` on purpose: neither may use the other.

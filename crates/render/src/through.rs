@@ -168,7 +168,7 @@ impl<'a> Through<'a> {
         Some(Self { scene, object: index, eta, sigma_t: medium.sigma_t[0] })
     }
 
-    /// Returns the longest flight that connections compete for [length].
+    /// Returns the longest flight that connections compete for \[length\].
     pub fn reach(&self) -> f32 {
         REACH / self.sigma_t
     }

@@ -130,7 +130,7 @@ impl Majorants {
     }
 }
 
-/// A ray on its way through the cells: distances [length] are those along the ray.
+/// A ray on its way through the cells: distances \[length\] are those along the ray.
 #[derive(Clone, Debug)]
 pub struct Track<'a> {
     grid: &'a Majorants,
