@@ -425,11 +425,12 @@ impl Integrator {
         let wo = -path.walker.d;
         let escape = path.escape.take();
 
+        let point = TexturePoint { p: surface.p, n: surface.ng, uv: surface.uv };
         if object.body.is_some() && hit.exiting != path.inside.contains(hit.shape) {
             counters.contrary += 1;
+            path.correct(scene, object, &hit, &point, wavelengths);
         }
 
-        let point = TexturePoint { p: surface.p, n: surface.ng, uv: surface.uv };
         // Let rays through what is cut out.
         let cut_out = object.alpha.is_some_and(|a| {
             let alpha = scene.textures.eval_float(a, &point);
@@ -619,18 +620,46 @@ impl<const N: usize> Path<N> {
         self.normal = None;
     }
 
+    /// Puts the walker on the side of a body on which a hit shows it to be: its wall was missed within rounding, or it meets itself.
+    fn correct(
+        &mut self,
+        scene: &Scene,
+        object: &Object,
+        hit: &Hit,
+        point: &TexturePoint,
+        wavelengths: &Wavelengths<N>,
+    ) {
+        let before = self.index();
+        if hit.exiting {
+            self.inside.step_into(object, hit.shape, *point);
+        } else {
+            self.inside.leave(hit.shape);
+        }
+        self.medium = self.inside.medium(scene, wavelengths, self.ambient);
+        self.rescale(before);
+    }
+
+    /// Returns the index, against vacuum, of where the walker is.
+    fn index(&self) -> f32 {
+        self.inside.bodies().last().map_or(1.0, |b| b.index)
+    }
+
+    /// Scales radiance by the squared index, where it was `before`.
+    fn rescale(&mut self, before: f32) {
+        let factor = (before / self.index()).powi(2);
+        self.walker.beta *= factor;
+        self.walker.eta_scale /= factor;
+    }
+
     /// Moves the walker on by a step and finds out anew what is there; radiance scales with the squared index of that.
     fn free(&mut self, scene: &Scene, step: f32, wavelengths: &Wavelengths<N>) {
-        let index = |nest: &Nest| nest.bodies().last().map_or(1.0, |b| b.index);
-        let before = index(&self.inside);
+        let before = self.index();
         self.walker.p += self.walker.d * step;
         self.walker.room = 0.0;
         self.standing = Standing::Space;
         self.inside = scene.nest_at(self.walker.p);
         self.medium = self.inside.medium(scene, wavelengths, self.ambient);
-        let factor = (before / index(&self.inside)).powi(2);
-        self.walker.beta *= factor;
-        self.walker.eta_scale /= factor;
+        self.rescale(before);
     }
 
     /// Notes that the walker stands on a surface and leaves it on the outer or inner side.
