@@ -40,6 +40,7 @@ impl Snag {
             return None;
         }
         self.count += 1;
-        (self.count.is_multiple_of(MOST)).then_some(Self::STEP * slack)
+        // On what bounds nothing there is no step that leads away.
+        (slack > 0.0 && self.count.is_multiple_of(MOST)).then_some(Self::STEP * slack)
     }
 }
