@@ -14,6 +14,7 @@ use crate::scene::{Object, Scene};
 use crate::snag::Snag;
 use crate::texture::TexturePoint;
 use crate::through::Through;
+use crate::touch;
 
 /// Share of a shadow ray's length that is left out at its end, where the light itself is: a relative length.
 const END: f32 = 1.0 - 1e-4;
@@ -105,24 +106,30 @@ pub(crate) fn transmittance<const N: usize>(
     let mut passage = Passage::FREE;
     let mut snag = Snag::new(at.p);
     for _ in 0..MOST_CROSSINGS {
-        let ray = at.standing.ray_inside(scene, at.inside.innermost(), at.p, wi).up_to(left);
-        // Any hit on what never lets light through will do, and without surfaces that may there is nothing more to find.
-        let mut passages = false;
-        let blocked = scene.accel.occluded(&ray, |h| {
-            let may_pass = scene.objects[h.shape as usize].passable;
-            passages |= may_pass;
-            !may_pass
-        });
-        if blocked {
-            return Passage::BLOCKED;
-        }
-        let next = if passages { scene.accel.nearest(&ray) } else { None };
-        let Some(hit) = next else {
-            passage.pass(scene, at.medium.as_ref(), at.p, wi, left / END, wavelengths, rng, counters);
-            return passage;
+        let here = touch::departure(scene, &at.inside, &at.standing, at.p, wi);
+        let (hit, surface, t) = if let Some((hit, surface)) = here {
+            (hit, surface, 0.0)
+        } else {
+            let ray = at.standing.ray_inside(scene, at.inside.innermost(), at.p, wi).up_to(left);
+            // Any hit on what never lets light through will do, and without surfaces that may there is nothing more to find.
+            let mut passages = false;
+            let blocked = scene.accel.occluded(&ray, |h| {
+                let object = &scene.objects[h.shape as usize];
+                let may_pass = object.passable || touch::is_near(object, h);
+                passages |= may_pass;
+                !may_pass
+            });
+            if blocked {
+                return Passage::BLOCKED;
+            }
+            let next = if passages { touch::nearest(scene, &at.inside, ray) } else { None };
+            let Some(next) = next else {
+                passage.pass(scene, at.medium.as_ref(), at.p, wi, left / END, wavelengths, rng, counters);
+                return passage;
+            };
+            next
         };
         let object = &scene.objects[hit.shape as usize];
-        let surface = scene.accel.surface(&ray, &hit);
         let point = TexturePoint { p: surface.p, n: surface.ng, uv: surface.uv };
         let cut_out = object.alpha.is_some_and(|a| {
             let alpha = scene.textures.eval_float(a, &point);
@@ -133,11 +140,11 @@ pub(crate) fn transmittance<const N: usize>(
         if !cut_out && !leaves && !object.is_open_to_light(at.inside.meet(object, hit.shape, hit.exiting)) {
             return Passage::BLOCKED;
         }
-        passage.pass(scene, at.medium.as_ref(), at.p, wi, hit.t, wavelengths, rng, counters);
+        passage.pass(scene, at.medium.as_ref(), at.p, wi, t, wavelengths, rng, counters);
         if passage.is_black() {
             return Passage::BLOCKED;
         }
-        left -= hit.t;
+        left -= t;
         at.p = surface.p;
         if cut_out {
             at.standing = Standing::Through(hit);

@@ -24,6 +24,7 @@ use crate::scene::{Boundary, Object, Scene};
 use crate::snag::Snag;
 use crate::texture::TexturePoint;
 use crate::through::{Escape, Through};
+use crate::touch::{self, Arrival};
 
 mod field;
 
@@ -240,6 +241,13 @@ impl Integrator {
         light: &mut Light<N>,
         counters: &mut Counters,
     ) -> bool {
+        // Where walls are at the same place, the next one may be here.
+        if let Some((hit, surface)) =
+            touch::departure(scene, &path.inside, &path.standing, path.walker.p, path.walker.d)
+        {
+            path.walker.p = surface.p;
+            return self.meet(scene, path, hit, &surface, wavelengths, rng, light, counters);
+        }
         let medium = match path.medium {
             None => return self.step_outside(scene, path, wavelengths, rng, light, counters),
             Some(Matter::Field(id)) => return self.step_field(scene, path, id, wavelengths, rng, light, counters),
@@ -341,11 +349,10 @@ impl Integrator {
     ) -> bool {
         counters.rays += 1;
         let ray = path.standing.ray(scene, path.walker.p, path.walker.d);
-        match scene.accel.nearest(&ray) {
-            Some(hit) => {
-                let surface = scene.accel.surface(&ray, &hit);
+        match touch::nearest(scene, &path.inside, ray) {
+            Some((hit, surface, _)) => {
                 path.walker.p = surface.p;
-                self.surface(scene, path, hit, &surface, wavelengths, rng, light, counters)
+                self.meet(scene, path, hit, &surface, wavelengths, rng, light, counters)
             }
             None => {
                 self.environment(scene, path, wavelengths, light);
@@ -367,19 +374,18 @@ impl Integrator {
     ) -> bool {
         counters.rays += 1;
         let ray = path.standing.ray_inside(scene, path.inside.innermost(), path.walker.p, path.walker.d);
-        let hit = scene.accel.nearest(&ray);
-        let t = hit.map_or(f32::INFINITY, |h| h.t);
+        let next = touch::nearest(scene, &path.inside, ray);
+        let t = next.as_ref().map_or(f32::INFINITY, |n| n.2);
         let transmittance = medium.transmittance(t);
         if let Some(emission) = medium.emission {
             // Integrate sigma_a L_e exp(-sigma_a s) along the segment.
             light.add(path.walker.collisions, path.walker.beta * emission * medium.sigma_t.map(|s| -(-s * t).exp_m1()));
         }
         path.walker.beta *= transmittance;
-        match hit {
-            Some(hit) if !path.walker.beta.is_black() => {
-                let surface = scene.accel.surface(&ray, &hit);
+        match next {
+            Some((hit, surface, _)) if !path.walker.beta.is_black() => {
                 path.walker.p = surface.p;
-                self.surface(scene, path, hit, &surface, wavelengths, rng, light, counters)
+                self.meet(scene, path, hit, &surface, wavelengths, rng, light, counters)
             }
             Some(_) => false,
             None => {
@@ -409,8 +415,33 @@ impl Integrator {
         light.add(path.walker.collisions, path.walker.beta * radiance * share);
     }
 
-    /// Handles the arrival at a surface; returns whether the path goes on.
+    /// Handles the arrival at a surface, or at that of several at one place which comes first; returns whether the path goes on.
     fn surface<const N: usize>(
+        &self,
+        scene: &Scene,
+        path: &mut Path<N>,
+        hit: Hit,
+        surface: &Surface,
+        wavelengths: &Wavelengths<N>,
+        rng: &mut Sampler,
+        light: &mut Light<N>,
+        counters: &mut Counters,
+    ) -> bool {
+        match touch::arrival(scene, &path.inside, &hit, surface, path.walker.d) {
+            Arrival::This => self.meet(scene, path, hit, surface, wavelengths, rng, light, counters),
+            Arrival::Other(other, surface) => {
+                path.walker.p = surface.p;
+                self.meet(scene, path, other, &surface, wavelengths, rng, light, counters)
+            }
+            Arrival::Ghost => {
+                path.standing = Standing::Through(hit);
+                true
+            }
+        }
+    }
+
+    /// Handles a surface that is met; returns whether the path goes on.
+    fn meet<const N: usize>(
         &self,
         scene: &Scene,
         path: &mut Path<N>,

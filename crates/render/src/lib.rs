@@ -22,3 +22,4 @@ pub mod session;
 mod snag;
 pub mod texture;
 mod through;
+mod touch;

@@ -4,6 +4,8 @@
 //! at a point and returns the BSDF there. A `subsurface` material is a boundary ([`Materials::smooth_eta`]) around a medium
 //! ([`Materials::medium_at`]). Parameters mean what they mean in pbrt-v4; where that is not obvious it is said beside them.
 
+use std::cell::Cell;
+
 use moonmilk_core::upsampling::sample_unbounded;
 use moonmilk_core::{Frame, Spectra, Vec2, Vec3, Wavelengths};
 use moonmilk_geometry::Surface;
@@ -70,6 +72,8 @@ struct Prepared {
     albedo: Option<AlbedoTable>,
     /// Diffuse internal reflectance of a coat that is the same everywhere.
     internal: Option<f32>,
+    /// Maximum of an albedo that is cut at 1.
+    cut: Option<f32>,
 }
 
 /// The materials of a scene.
@@ -95,6 +99,11 @@ impl Materials {
         }
         let smooth_eta = list.iter().map(|m| smooth_eta(m, textures)).collect();
         Ok(Self { list, smooth_eta })
+    }
+
+    /// Returns the materials with a measured albedo that exceeds 1 and is cut there, with its maximum.
+    pub(crate) fn cuts(&self) -> impl Iterator<Item = (MaterialId, f32)> {
+        self.list.iter().enumerate().filter_map(|(id, m)| m.cut.map(|x| (id, x)))
     }
 
     /// Returns inside / outside index of a `dielectric` or `subsurface` that is smooth everywhere and has one index for all wavelengths: the
@@ -351,7 +360,11 @@ fn smooth_eta(m: &Prepared, t: &Textures) -> Option<f32> {
 /// Validates one material and computes what does not vary.
 fn prepare(d: &SceneDescription, id: MaterialId, t: &Textures) -> Result<Prepared, String> {
     let m = &d.materials[id];
-    let albedo = |id: SpectrumTextureId| t.check_spectrum(id, Role::Albedo);
+    let cut = Cell::new(None);
+    let albedo = |id: SpectrumTextureId| {
+        cut.set(t.cut_of_albedo(id).or(cut.get()));
+        t.check_spectrum(id, Role::Albedo)
+    };
     let value = |id: SpectrumTextureId| t.check_spectrum(id, Role::Unbounded);
     let float = |id: FloatTextureId| t.check_float(id);
     let rough = |r: &Roughness| float(r.u).and_then(|()| float(r.v));
@@ -370,6 +383,7 @@ fn prepare(d: &SceneDescription, id: MaterialId, t: &Textures) -> Result<Prepare
         index: None,
         albedo: None,
         internal: None,
+        cut: None,
     };
     m.displacement.map_or(Ok(()), float)?;
     match &m.kind {
@@ -464,6 +478,7 @@ fn prepare(d: &SceneDescription, id: MaterialId, t: &Textures) -> Result<Prepare
             acyclic(d, id, &mut vec![Mark::Unknown; d.materials.len()])?;
         }
     }
+    prepared.cut = cut.get();
     Ok(prepared)
 }
 

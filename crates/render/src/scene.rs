@@ -170,6 +170,8 @@ pub struct Object {
     pub hollow: bool,
     /// Volume of a body \[length³\].
     pub volume: f64,
+    /// How far rounding may move its walls and those of objects that it may touch \[length\]; 0 if there are none.
+    pub touch: f32,
     room: OnceLock<Room>,
 }
 
@@ -224,6 +226,12 @@ impl Scene {
         let mut warnings = Vec::new();
         let textures = Textures::new(d)?;
         let materials = Materials::new(d, &textures)?;
+        warnings.extend(materials.cuts().map(|(id, most)| {
+            let m = &d.materials[id];
+            let name = m.name.as_deref().unwrap_or("without name");
+            let message = format!("material {name}: an albedo of up to {most} acts as 1 where it is more, as in pbrt");
+            Warning { place: Some(m.place.clone()), message }
+        }));
         let media = d.media.iter().map(SceneMedium::new).collect::<Result<Vec<_>, _>>()?;
         let Built { shapes, mut objects, emitters, groups, places } =
             instances::build(d, &materials, options, &mut warnings)?;

@@ -10,8 +10,8 @@ use moonmilk_core::Vec3;
 use crate::interior::Standing;
 use crate::scene::Scene;
 
-/// Surfaces met at one place after which a path is set free there.
-const MOST: u32 = 16;
+/// Surfaces met at one place after which a path is set free there: between two walls that reflect, grazing light is thrown to and fro many times.
+const MOST: u32 = 256;
 /// What counts as one place [slack of the body stood on]: rounding moves a path by one or two.
 const REACH: f32 = 8.0;
 

@@ -46,6 +46,8 @@ struct Constant {
     albedo: Option<Spectra>,
     unbounded: Spectra,
     illuminant: Spectra,
+    /// Whether it was given as values over wavelengths: noise may take such above 1.
+    measured: bool,
 }
 
 /// A spectrum texture with its constants prepared.
@@ -88,7 +90,8 @@ impl Constant {
             SpectrumDescription::Blackbody(t) => Spectra::blackbody(*t)?,
             _ => unbounded.clone(),
         };
-        Ok(Self { albedo, unbounded, illuminant })
+        let measured = matches!(d, SpectrumDescription::Sampled(_) | SpectrumDescription::Named(_));
+        Ok(Self { albedo, unbounded, illuminant, measured })
     }
 
     fn sample<const N: usize>(&self, w: &Wavelengths<N>, role: Role) -> Spectrum<N> {
@@ -291,10 +294,18 @@ impl Textures {
     pub(crate) fn check_spectrum(&self, id: SpectrumTextureId, role: Role) -> Result<(), String> {
         match self.spectra.get(id) {
             None => Err(format!("spectrum texture {id} does not exist")),
-            Some(Node::Constant(c)) if role == Role::Albedo && c.albedo.is_none() => {
+            Some(Node::Constant(c)) if role == Role::Albedo && c.albedo.is_none() && !c.measured => {
                 Err(format!("a reflectance of {} is outside [0, 1]", c.unbounded.max_value()))
             }
             Some(_) => Ok(()),
+        }
+    }
+
+    /// Returns the maximum of a measured spectrum that exceeds 1, where an albedo cannot: it acts as 1 there, as in pbrt.
+    pub(crate) fn cut_of_albedo(&self, id: SpectrumTextureId) -> Option<f32> {
+        match self.spectra.get(id) {
+            Some(Node::Constant(c)) if c.albedo.is_none() && c.measured => Some(c.unbounded.max_value()),
+            _ => None,
         }
     }
 

@@ -147,6 +147,20 @@ fn unusable_materials_are_refused_with_their_place() {
 }
 
 #[test]
+fn measured_albedos_above_one_act_as_one_and_are_told() {
+    let mut d = scene(vec![MaterialKind::Diffuse { reflectance: 3 }, MaterialKind::Diffuse { reflectance: 1 }]);
+    let peak = SpectrumDescription::Sampled(vec![(400.0, 0.2), (700.0, 1.7)]);
+    d.spectrum_textures.push(SpectrumTexture::Constant(peak));
+    let (t, m) = build(&d);
+    let m = m.unwrap();
+    assert_eq!(m.cuts().collect::<Vec<_>>(), [(0, 1.7)]);
+    for (nm, expected) in [(400.0, 0.2), (460.0, 0.5), (700.0, 1.0)] {
+        let b = m.resolve(0, &t, &surface(), &point(), &Wavelengths::<1>::Fixed(nm), 0.5);
+        assert!((b.bsdf.albedo()[0] - expected).abs() < 1e-3, "{nm} nm: {:?}", b.bsdf.albedo());
+    }
+}
+
+#[test]
 fn smooth_boundaries_without_dispersion_are_known_as_such() {
     let glass = |eta: SpectrumDescription, r| MaterialKind::Dielectric { eta, roughness: roughness(r) };
     let constant = SpectrumDescription::Constant(1.5);

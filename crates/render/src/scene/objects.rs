@@ -143,6 +143,7 @@ pub(super) fn build_object(
                     | MaterialKind::Mix { .. }
             ),
         volume,
+        touch: 0.0,
         room: OnceLock::new(),
     };
     Ok((shape, object))
@@ -186,30 +187,44 @@ fn rank(objects: &mut [Object]) {
 /// Most comparisons of boxes in the search for bodies that may overlap; beyond it all of them may.
 const MOST_PAIRS: usize = 50_000_000;
 
-/// Marks the bodies whose boundaries may be none somewhere: light passes there.
+/// Marks the objects that may overlap or touch bodies that paths go into: light may pass the boundaries of such bodies, and walls may coincide.
 fn find_overlaps(objects: &mut [Object], accel: &Accel) {
-    let mut list: Vec<(Bounds, usize)> = (0..objects.len())
-        .filter(|&i| objects[i].yields && objects[i].body.is_some())
-        .map(|i| (accel.shape_bounds(i as u32), i))
+    let is_room = |o: &Object| o.yields && o.body.is_some();
+    let mut list: Vec<(Bounds, f32, usize)> = (0..objects.len())
+        .filter(|&i| is_room(&objects[i]) || !objects[i].hollow)
+        .map(|i| {
+            let slack = accel.body(i as u32..i as u32 + 1).slack;
+            (accel.shape_bounds(i as u32).grown(slack), slack, i)
+        })
         .collect();
     list.sort_by(|a, b| a.0.min.x.total_cmp(&b.0.min.x));
     let mut pairs = 0;
-    for (k, (box_a, a)) in list.iter().enumerate() {
-        for (box_b, b) in list[k + 1..].iter().take_while(|(b, _)| b.min.x <= box_a.max.x) {
+    for (k, &(box_a, slack_a, a)) in list.iter().enumerate() {
+        for &(box_b, slack_b, b) in list[k + 1..].iter().take_while(|b| b.0.min.x <= box_a.max.x) {
             pairs += 1;
-            if !box_a.overlaps(box_b) {
+            let rooms = (is_room(&objects[a]), is_room(&objects[b]));
+            if rooms == (false, false) || !box_a.overlaps(&box_b) {
                 continue;
             }
             // Into another body of its own index a straight line may lead to light.
-            let (x, y) = (&objects[*a], &objects[*b]);
+            let (x, y) = (&objects[a], &objects[b]);
             let alike = x.absolute && y.absolute && x.index == y.index;
-            for i in [*a, *b] {
-                objects[i].passable = true;
-                objects[i].connects |= alike;
+            for i in [a, b] {
+                objects[i].touch = objects[i].touch.max(slack_a).max(slack_b);
+                if rooms == (true, true) {
+                    objects[i].passable = true;
+                    objects[i].connects |= alike;
+                }
             }
         }
         if pairs > MOST_PAIRS {
-            list.iter().for_each(|&(_, i)| (objects[i].passable, objects[i].connects) = (true, true));
+            let most = list.iter().fold(0.0f32, |m, x| m.max(x.1));
+            for (_, _, i) in list {
+                objects[i].touch = most;
+                if is_room(&objects[i]) {
+                    (objects[i].passable, objects[i].connects) = (true, true);
+                }
+            }
             return;
         }
     }

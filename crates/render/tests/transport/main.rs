@@ -18,3 +18,4 @@ mod nested;
 mod path_length;
 mod reciprocity;
 mod scale;
+mod touching;

@@ -239,32 +239,3 @@ fn a_mesh_that_touches_nothing_else_is_as_it_was_without_priorities() {
     };
     assert_eq!(radiance(None), radiance(Some(7)));
 }
-
-#[test]
-fn bodies_with_a_common_wall_let_paths_through() {
-    // Rows of boxes that touch: points on a common wall are rounded to either side of it, for one body and for the other. All paths
-    // end. Behind refractive walls the furnace is white, as a missed wall is made good at the next; without refraction a missed wall is one
-    // that light sampling and chance do not agree on, and the mean is not claimed (README).
-    for eta in [1.0f32, 1.5] {
-        let mut world = World::new();
-        for k in 0..4u8 {
-            let medium = world.medium(0.0, 1.0 + f32::from(k), 0.3);
-            let boundary = world.dielectric(eta, 0.0);
-            let low = Vec3::new(-1.1 + 0.55 * f32::from(k), -0.5, -0.5);
-            let cuboid = cuboid(low, low + Vec3::new(0.55, 1.0, 1.0));
-            world.body(&flat(&cuboid), boundary, Some(medium), None);
-        }
-        let tracer = world.environment(1.0).tracer();
-        let [l] = measure(samples(40_000, 16), |i| {
-            let (o, d) = uniform_ray(75, i, 1.4);
-            [tracer.radiance(i, o, d)]
-        });
-        let c = tracer.counters();
-        assert!(c.endless == 0 && c.lost == 0 && c.collisions > 10_000, "eta {eta}: {c:?}");
-        if eta != 1.0 {
-            assert_exact(&format!("furnace of boxes that touch, eta {eta}"), l, 1.0, ROUNDING);
-        } else {
-            println!("furnace of boxes that touch, no refraction: {l}");
-        }
-    }
-}
