@@ -55,7 +55,7 @@ pub fn run_command(a: &Simulate) -> Outcome {
         if let Some(seed) = a.seed {
             experiment.seed = seed.wrapping_add(k as u64);
         }
-        let results = on_threads(a.threads, experiment)?;
+        let results = on_threads(a.threads, || run(experiment))?.map_err(|e| Failure::Input(e.to_string()))?;
         if results.lost > 0 {
             tracing::warn!("{} paths were lost by rounding", results.lost);
         }
@@ -87,14 +87,14 @@ pub fn run_command(a: &Simulate) -> Outcome {
     Ok(())
 }
 
-/// Runs an experiment on a number of threads, which changes nothing but the time.
-pub fn on_threads(threads: Option<u64>, e: &Experiment) -> Result<Results, Failure> {
+/// Does something on a number of threads, which changes nothing but the time.
+pub fn on_threads<T: Send>(threads: Option<u64>, work: impl FnOnce() -> T + Send) -> Result<T, Failure> {
     let mut pool = rayon::ThreadPoolBuilder::new();
     if let Some(n) = threads {
         pool = pool.num_threads(n as usize);
     }
     let pool = pool.build().map_err(|e| Failure::Run(format!("threads: {e}")))?;
-    pool.install(|| run(e)).map_err(|e| Failure::Input(e.to_string()))
+    Ok(pool.install(work))
 }
 
 /// Returns `NAME-k.EXT`.

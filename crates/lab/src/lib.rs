@@ -19,6 +19,8 @@
 //! | question | where |
 //! |---|---|
 //! | how much is reflected, transmitted, absorbed, and where, when, at which angle? | [`run()`] |
+//! | what do walks into a half-space say about several albedos at once? | [`spread`] |
+//! | which published values are found again? | [`validate`] |
 //! | where does the table of the profile `tabulated` come from? | [`tabulate`] |
 //!
 //! This crate is kept apart from `moonmilk-render` on purpose: neither may use the other.
@@ -31,6 +33,7 @@ pub mod profile;
 mod recorder;
 pub mod results;
 pub mod run;
+pub mod spread;
 pub mod tabulate;
 pub mod validate;
 

@@ -140,6 +140,7 @@ pub const ETA_RANGE: (f64, f64) = (1.0 / 3.0, 3.0);
 #[derive(Clone, Debug)]
 pub struct HalfSpace {
     h: HFunction,
+    eta: f64,
     /// Nodes in mu with weight, H and internal reflectance.
     nodes: Vec<Node>,
 }
@@ -187,51 +188,67 @@ impl HalfSpace {
             .into_iter()
             .map(|(mu, weight)| Node { mu, weight, h: h.eval(mu), reflected: reflectance_f64(mu, 1.0 / eta) })
             .collect();
-        Ok(Self { h, nodes })
+        Ok(Self { h, eta, nodes })
     }
 
     /// Returns the fraction of the entered light that leaves again.
     pub fn albedo(&self, light: Illumination) -> f64 {
+        let g = self.arriving(&self.sources(light));
+        g.iter().zip(&self.nodes).map(|(g, n)| (1.0 - n.reflected) * g * n.weight).sum()
+    }
+
+    /// Returns the light that leaves per solid angle outside, at a cosine outside, per unit of the light that entered \[1/sr\].
+    ///
+    /// $$ I(\mu_o) = \frac{(1 - F)\, g(\mu)}{2\pi} \frac{d\mu}{d\mu_o}, \qquad \mu^2 = 1 - \frac{1 - \mu_o^2}{\eta^2} $$
+    ///
+    /// Its integral over the hemisphere is [`HalfSpace::albedo`]; index-matched it is [`HFunction::brdf`] times the cosine. *Domain*: cosines in (0, 1\].
+    pub fn intensity(&self, light: Illumination, mu_outside: f64) -> f64 {
+        let eta2 = self.eta * self.eta;
+        let mu2 = 1.0 - (1.0 - mu_outside * mu_outside) / eta2;
+        if mu2 <= 0.0 {
+            return 0.0;
+        }
+        let mu = mu2.sqrt();
+        let sum: f64 = self.sources(light).iter().map(|(m, s)| s / (mu + m)).sum();
+        let g = 0.5 * self.h.alpha * mu * self.h.eval(mu) * sum;
+        (1.0 - reflectance_f64(mu, 1.0 / self.eta)) * g * mu_outside / (eta2 * mu) / (2.0 * PI)
+    }
+
+    /// Returns all light that travels down at the boundary, what is reflected there included: pairs of cosine and flux times H.
+    fn sources(&self, light: Illumination) -> Vec<(f64, f64)> {
         let entered = |node: &Node| match light {
             Illumination::DiffuseInside => 2.0 * node.mu,
             _ => node.mu * (1.0 - node.reflected),
         };
-        // First reflection by the medium: K f_0.
-        let first: Vec<f64> = match light {
-            Illumination::Normal => self.reflect_beam(1.0),
-            Illumination::Inside(mu) => self.reflect_beam(mu),
+        let mut sources: Vec<(f64, f64)> = match light {
+            Illumination::Normal => vec![(1.0, self.h.eval(1.0))],
+            Illumination::Inside(mu) => vec![(mu, self.h.eval(mu))],
             _ => {
-                let f: Vec<f64> = self.nodes.iter().map(entered).collect();
-                let total: f64 = f.iter().zip(&self.nodes).map(|(f, n)| f * n.weight).sum();
-                self.reflect(&f.iter().map(|f| f / total).collect::<Vec<_>>())
+                let total: f64 = self.nodes.iter().map(|n| entered(n) * n.weight).sum();
+                self.nodes.iter().map(|n| (n.mu, n.weight * n.h * entered(n) / total)).collect()
             }
         };
         // Sum over internal reflections. The series is geometric; its ratio is at most the largest mean reflectance, below .93 for eta <= 3.
-        let mut sum = first.clone();
-        let mut order = first;
+        let mut order = self.arriving(&sources);
+        let mut returned = vec![0.0; self.nodes.len()];
         for _ in 0..2000 {
-            let returned: Vec<f64> = order.iter().zip(&self.nodes).map(|(g, n)| g * n.reflected).collect();
-            order = self.reflect(&returned);
-            sum.iter_mut().zip(&order).for_each(|(s, o)| *s += o);
+            let down: Vec<(f64, f64)> =
+                order.iter().zip(&self.nodes).map(|(g, n)| (n.mu, n.weight * n.h * g * n.reflected)).collect();
+            returned.iter_mut().zip(&down).for_each(|(r, d)| *r += d.1);
+            order = self.arriving(&down);
             if order.iter().fold(0.0f64, |m, &x| m.max(x)) < 1e-12 {
                 break;
             }
         }
-        sum.iter().zip(&self.nodes).map(|(g, n)| (1.0 - n.reflected) * g * n.weight).sum()
+        sources.extend(self.nodes.iter().zip(returned).map(|(n, r)| (n.mu, r)));
+        sources
     }
 
-    /// Returns the flux density reflected by the matched medium for unit flux at the cosine mu0.
-    fn reflect_beam(&self, mu0: f64) -> Vec<f64> {
-        let h0 = self.h.eval(mu0);
-        self.nodes.iter().map(|n| 0.5 * self.h.alpha * n.mu * n.h * h0 / (n.mu + mu0)).collect()
-    }
-
-    /// Applies K to a flux density at the nodes.
-    fn reflect(&self, f: &[f64]) -> Vec<f64> {
-        let source: Vec<(f64, f64)> = f.iter().zip(&self.nodes).map(|(f, n)| (n.mu, n.weight * n.h * f)).collect();
+    /// Applies K: returns the flux density that arrives at the nodes from below for light that goes down.
+    fn arriving(&self, sources: &[(f64, f64)]) -> Vec<f64> {
         self.nodes
             .iter()
-            .map(|n| 0.5 * self.h.alpha * n.mu * n.h * source.iter().map(|(mu, s)| s / (n.mu + mu)).sum::<f64>())
+            .map(|n| 0.5 * self.h.alpha * n.mu * n.h * sources.iter().map(|(mu, s)| s / (n.mu + mu)).sum::<f64>())
             .collect()
     }
 }
@@ -342,6 +359,30 @@ mod tests {
                 assert!((sum - h.plane_albedo(mu)).abs() < 1e-8, "{alpha} {mu}");
             }
             assert!((s.albedo(Illumination::DiffuseInside) - h.diffuse_albedo()).abs() < 1e-8);
+        }
+    }
+
+    #[test]
+    fn what_leaves_over_all_directions_is_the_albedo() {
+        for (alpha, eta) in [(0.3, 1.0), (0.9, 1.0), (0.9, 1.5), (0.99, 1.33), (0.8, 0.8)] {
+            let s = HalfSpace::new(alpha, eta).unwrap();
+            for light in [Illumination::Normal, Illumination::Inside(0.4), Illumination::DiffuseOutside] {
+                // The intensity rises like a square root at the outside's critical cosine where the inside is thinner: squared nodes from there.
+                let first = (1.0 - eta * eta).max(0.0f64).sqrt();
+                let rule = Rule::composite(40, &[0.0, 0.2, 1.0]);
+                let sum = rule.integrate(|x| {
+                    let mu = first + (1.0 - first) * x * x;
+                    2.0 * PI * (1.0 - first) * 2.0 * x * s.intensity(light, mu)
+                });
+                assert!((sum / s.albedo(light) - 1.0).abs() < 1e-6, "{alpha} {eta} {light:?} {sum}");
+            }
+            if eta == 1.0 {
+                let h = HFunction::new(alpha).unwrap();
+                for mu in [0.05, 0.5, 1.0] {
+                    let exact = h.brdf(0.7, mu) * mu;
+                    assert!((s.intensity(Illumination::Inside(0.7), mu) / exact - 1.0).abs() < 1e-9);
+                }
+            }
         }
     }
 

@@ -95,6 +95,11 @@ fn wrong_experiments_end_with_3_and_their_place() {
 
 #[test]
 fn published_values_are_found_again() {
-    let r = Folder::new().succeed("validate --photons 20000");
-    assert!(r.stdout.contains("Giovanelli") && !r.stdout.contains("FAIL"), "{}", r.stdout);
+    let f = Folder::new();
+    let r = f.succeed("validate --photons 10000 --threads 1");
+    assert!(!r.stdout.contains("FAIL") && r.stdout.contains(" agree (significance"), "{}", r.stdout);
+    for what in ["Giovanelli", "Chandrasekhar's H(0.5)", "intensity", "Grosjean", "alpha 0.99, n 1.5", "dual-beam"] {
+        assert!(r.stdout.contains(what), "{what}: {}", r.stdout);
+    }
+    assert_eq!(r.stdout, f.succeed("validate --photons 10000 --threads 3").stdout);
 }

@@ -52,6 +52,7 @@ pub mod monopole;
 pub mod multipole;
 pub mod normalized;
 pub mod photon_beam;
+pub mod published_errors;
 pub mod quantized;
 pub mod single;
 

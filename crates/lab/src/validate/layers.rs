@@ -1,42 +1,20 @@
-//! Published and exact values, measured again.
+//! Totals of slabs and half-spaces, and mean path lengths.
 
 use moonmilk_core::Estimate;
 use moonmilk_optics::halfspace::{HalfSpace, Illumination};
 use moonmilk_optics::slab;
 
+use super::{Check, Settings};
 use crate::error::Error;
 use crate::experiment::{Experiment, LayerSpec, Source};
 use crate::law::Law;
 use crate::run::run;
 
-/// A value measured again.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Check {
-    /// What it is.
-    pub name: String,
-    /// Where the expected value comes from.
-    pub source: &'static str,
-    /// The value expected.
-    pub expected: f64,
-    /// Its own error: rounding of what was printed, or a standard error.
-    pub uncertainty: f64,
-    /// What was measured.
-    pub measured: Estimate,
-}
-
-impl Check {
-    /// Returns the distance in combined standard errors.
-    pub fn z(&self) -> f64 {
-        let d = self.measured.mean - self.expected;
-        if d == 0.0 { 0.0 } else { d / self.measured.std_err.hypot(self.uncertainty) }
-    }
-}
-
-fn layer(thickness: f64, n: f64, sigma_a: f64, sigma_s: f64, g: f32) -> LayerSpec {
+pub(super) fn layer(thickness: f64, n: f64, sigma_a: f64, sigma_s: f64, g: f32) -> LayerSpec {
     LayerSpec { name: "slab".into(), thickness, n, sigma_a, sigma_s, law: Law::HenyeyGreenstein(g) }
 }
 
-fn of(results: &crate::Results, name: &str) -> Estimate {
+pub(super) fn of(results: &crate::Results, name: &str) -> Estimate {
     results.scalar(name).expect("every run records its totals")
 }
 
@@ -45,10 +23,9 @@ fn sum(a: Estimate, b: Estimate) -> Estimate {
     Estimate { mean: a.mean + b.mean, std_err: a.std_err + b.std_err, n: a.n }
 }
 
-/// Measures all values with a number of paths each.
-///
-/// *Errors*: fewer than two paths.
-pub fn validate(photons: u64, seed: u64) -> Result<Vec<Check>, Error> {
+/// Measures the values.
+pub(super) fn checks(settings: &Settings) -> Result<Vec<Check>, Error> {
+    let Settings { walks: photons, seed } = *settings;
     let mut checks = Vec::new();
     let measure = |layers: Vec<LayerSpec>, source: Source, salt: u64| {
         let mut e = Experiment::new(layers, source);
@@ -57,7 +34,7 @@ pub fn validate(photons: u64, seed: u64) -> Result<Vec<Check>, Error> {
         run(&e)
     };
     let mut add = |name: &str, source: &'static str, expected: f64, uncertainty: f64, measured: Estimate| {
-        checks.push(Check { name: name.into(), source, expected, uncertainty, measured });
+        checks.push(Check { name: name.into(), unit: "", source, expected, uncertainty, measured });
     };
     let normal = Source::Pencil { angle: 0.0 };
 
