@@ -45,6 +45,18 @@ pub struct ProfileArgs {
     /// Models to compare, separated by commas, or all (default: six usual ones; `moonmilk models` lists them).
     #[arg(long, value_name = "LIST")]
     pub models: Option<String>,
+    /// Instead of profiles: the radiance inside a half-space and a ball under diffuse light, exact and rebuilt from fluence and flux (P1).
+    #[arg(long, conflicts_with_all = ["models", "point_source", "brownian"])]
+    pub radiance: bool,
+    /// Instead of profiles: the fluence around a point source in an infinite medium, exact, of diffusion, and of Grosjean's form.
+    #[arg(long, conflicts_with_all = ["models", "brownian"])]
+    pub point_source: bool,
+    /// Instead of profiles: paths of light beside Brownian motion of the same diffusion coefficient.
+    #[arg(long, conflicts_with = "models")]
+    pub brownian: bool,
+    /// Radius of the ball of --radiance (default: two transport mean free paths).
+    #[arg(long, value_name = "LENGTH", requires = "radiance", allow_negative_numbers = true)]
+    pub radius: Option<f64>,
     /// Colour of a named material.
     #[arg(long, value_enum, default_value = "green", value_name = "COLOUR")]
     pub channel: Channel,
@@ -57,6 +69,9 @@ pub struct ProfileArgs {
     /// Seed of the random numbers.
     #[arg(long, default_value_t = 1, value_name = "N")]
     pub seed: u64,
+    /// Number of threads (default: all cores). It never changes the result.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=4096))]
+    pub threads: Option<u64>,
     /// Plot or data to write, .svg, .png, .csv or .json; may be given several times.
     #[arg(short, long, value_name = "FILE")]
     pub output: Vec<PathBuf>,

@@ -1,7 +1,11 @@
-//! `moonmilk profile`.
+//! `moonmilk profile`: models of R(r) against Monte Carlo; with an option, what lies below them: radiance, point sources, paths.
+
+mod journeys;
+mod point;
+mod radiance;
 
 use std::fmt::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use moonmilk_io::atomic::write_atomically;
 use moonmilk_io::plot::{self, Curve, Point, ProfilePlot};
@@ -47,11 +51,30 @@ struct Judged {
 
 /// Runs the command.
 pub fn run(a: &ProfileArgs) -> Outcome {
-    let formats = a.output.iter().map(|p| Ok((p, format(p)?))).collect::<Result<Vec<_>, Failure>>()?;
-    for (path, _) in &formats {
-        output::check_writable(path)?;
+    let targets = a
+        .output
+        .iter()
+        .map(|p| Ok(Target { path: p.clone(), format: format(p)? }))
+        .collect::<Result<Vec<_>, Failure>>()?;
+    for t in &targets {
+        output::check_writable(&t.path)?;
     }
     let (name, medium) = material(a)?;
+    super::simulate::on_threads(a.threads, || {
+        if a.radiance {
+            radiance::run(a, &name, &medium, &targets)
+        } else if a.point_source {
+            point::run(a, &name, &medium, &targets)
+        } else if a.brownian {
+            journeys::run(a, &name, &medium, &targets)
+        } else {
+            profiles(a, &name, &medium, &targets)
+        }
+    })?
+}
+
+/// Judges models of R(r).
+fn profiles(a: &ProfileArgs, name: &str, medium: &OpticalProperties, targets: &[Target]) -> Outcome {
     let names: Vec<&str> = match a.models.as_deref() {
         None => USUAL.to_vec(),
         Some("all") => MODELS.iter().filter(|m| m.info.kind == Kind::Whole).map(|m| m.info.name).collect(),
@@ -60,7 +83,7 @@ pub fn run(a: &ProfileArgs) -> Outcome {
     let mut profiles = Vec::new();
     for n in names {
         let model = find(n).map_err(|e| Failure::Usage(e.to_string()))?;
-        match model.build(&medium) {
+        match model.build(medium) {
             Ok(p) => profiles.push((model.info.name, p)),
             Err(e) if a.models.is_some() && a.models.as_deref() != Some("all") => {
                 return Err(Failure::Input(format!("{n}: {e}")));
@@ -84,24 +107,35 @@ pub fn run(a: &ProfileArgs) -> Outcome {
         })
         .collect();
 
-    output::print(&table(&name, &medium, &measured, &judged))?;
-    for (path, format) in formats {
-        let bytes = match format {
-            Format::Csv => csv(&measured, &judged).into_bytes(),
-            Format::Json => format!("{:#}\n", as_json(&name, &medium, &measured, &judged)).into_bytes(),
-            Format::Svg | Format::Png => {
-                let plot = picture(&name, &a.unit, &medium, &measured, &judged);
-                let drawn = if matches!(format, Format::Svg) {
-                    plot::svg(&plot).map(String::into_bytes)
-                } else {
-                    plot::png(&plot)
-                };
-                drawn.map_err(|e| Failure::Run(e.to_string()))?
-            }
+    output::print(&table(name, medium, &measured, &judged))?;
+    write_all(targets, |format| {
+        let drawn = match format {
+            Format::Csv => return Ok(csv(&measured, &judged).into_bytes()),
+            Format::Json => return Ok(format!("{:#}\n", as_json(name, medium, &measured, &judged)).into_bytes()),
+            Format::Svg => plot::svg(&picture(name, &a.unit, medium, &measured, &judged)).map(String::into_bytes),
+            Format::Png => plot::png(&picture(name, &a.unit, medium, &measured, &judged)),
         };
-        write_atomically(path, &bytes).map_err(|e| Failure::Run(format!("{}: {e}", path.display())))?;
+        drawn.map_err(|e| Failure::Run(e.to_string()))
+    })
+}
+
+/// A file to write.
+struct Target {
+    path: PathBuf,
+    format: Format,
+}
+
+/// Writes all files that were asked for.
+fn write_all(targets: &[Target], bytes: impl Fn(Format) -> Result<Vec<u8>, Failure>) -> Outcome {
+    for t in targets {
+        write_atomically(&t.path, &bytes(t.format)?).map_err(|e| Failure::Run(format!("{}: {e}", t.path.display())))?;
     }
     Ok(())
+}
+
+/// Returns the middle of a ring or shell on a logarithmic axis.
+fn centre(edges: &[f64]) -> f64 {
+    (edges[0] * edges[1]).sqrt()
 }
 
 /// Returns the medium that the argument means: a name from the tables, or `key=value` pairs.
@@ -122,7 +156,8 @@ fn material(a: &ProfileArgs) -> Result<(String, OpticalProperties), Failure> {
     }
     let [sigma_a, sigma_s, g, eta] = values;
     let properties = OpticalProperties::new(sigma_a, sigma_s, g, eta).map_err(|e| fail(e.to_string()))?;
-    Ok(("Half-space".into(), properties))
+    let name = if a.radiance || a.point_source || a.brownian { "Medium" } else { "Half-space" };
+    Ok((name.into(), properties))
 }
 
 /// Returns the medium in words.
@@ -192,7 +227,6 @@ fn as_json(name: &str, m: &OpticalProperties, measured: &Measured, judged: &[Jud
 
 fn picture(name: &str, unit: &str, m: &OpticalProperties, measured: &Measured, judged: &[Judged]) -> ProfilePlot {
     let a = measured.albedo;
-    let centre = |e: &[f64]| (e[0] * e[1]).sqrt();
     let (first, last) = (measured.edges[0], measured.edges[measured.edges.len() - 1]);
     let curves = judged.iter().map(|j| {
         let radius = |i: usize| first * (last / first).powf(i as f64 / POINTS as f64);
@@ -217,6 +251,8 @@ fn picture(name: &str, unit: &str, m: &OpticalProperties, measured: &Measured, j
         title: name.into(),
         subtitle: words(m, unit),
         unit: unit.into(),
+        labels: [format!("R(r)  [1/{unit}²]"), format!("r R(r)  [1/{unit}]")],
+        power: 1,
         columns: vec!["albedo".into(), "error".into(), "L1 error".into()],
         facts: vec![
             format!("{:.4}", a.mean),

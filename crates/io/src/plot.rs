@@ -2,6 +2,9 @@
 //!
 //! PNG pictures use the embedded DejaVu font; SVG names it first and falls back to any sans-serif. The same data give the same bytes.
 
+pub mod journeys;
+pub mod radiance;
+
 use std::ops::Range;
 use std::sync::Once;
 
@@ -45,6 +48,10 @@ pub struct ProfilePlot {
     pub subtitle: String,
     /// Unit of lengths.
     pub unit: String,
+    /// Labels of the vertical axes: of the value, and of the value times a power of r.
+    pub labels: [String; 2],
+    /// That power.
+    pub power: i32,
     /// Heads of the table's columns behind the name.
     pub columns: Vec<String>,
     /// Facts of the measurement, for the first line of the table.
@@ -85,9 +92,16 @@ const COLORS: [RGBColor; 7] = [
 ///
 /// *Errors*: nothing to show.
 pub fn svg(plot: &ProfilePlot) -> Result<String, PlotError> {
+    svg_of(|root| draw(&root, plot))
+}
+
+/// Returns what is drawn as SVG.
+fn svg_of(
+    draw: impl for<'a> FnOnce(DrawingArea<SVGBackend<'a>, Shift>) -> Result<(), PlotError>,
+) -> Result<String, PlotError> {
     register_font();
     let mut text = String::new();
-    draw(&SVGBackend::with_string(&mut text, SIZE).into_drawing_area(), plot)?;
+    draw(SVGBackend::with_string(&mut text, SIZE).into_drawing_area())?;
     Ok(text.replace("font-family=\"DejaVu Sans\"", "font-family=\"DejaVu Sans, Verdana, sans-serif\""))
 }
 
@@ -98,9 +112,14 @@ pub fn png(plot: &ProfilePlot) -> Result<Vec<u8>, PlotError> {
     register_font();
     let mut pixels = vec![0u8; (SIZE.0 * SIZE.1 * 3) as usize];
     draw(&BitMapBackend::with_buffer(&mut pixels, SIZE).into_drawing_area(), plot)?;
+    encode_png(&pixels, SIZE)
+}
+
+/// Returns pixels as a PNG file.
+fn encode_png(pixels: &[u8], size: (u32, u32)) -> Result<Vec<u8>, PlotError> {
     let mut bytes = Vec::new();
     image::codecs::png::PngEncoder::new(&mut bytes)
-        .write_image(&pixels, SIZE.0, SIZE.1, ExtendedColorType::Rgb8)
+        .write_image(pixels, size.0, size.1, ExtendedColorType::Rgb8)
         .map_err(|e| PlotError(e.to_string()))?;
     Ok(bytes)
 }
@@ -193,12 +212,11 @@ where
     let largest = seen.iter().map(|p| p.value).fold(0.0, f64::max);
     let least = seen.iter().map(|p| p.value).fold(f64::MAX, f64::min).max(largest * 10f64.powf(-DECADES));
 
-    panel(&profile, plot, &radii, Decades(least / 2.0..largest * 2.0), &format!("R(r)  [1/{0}²]", plot.unit), |p| {
-        Some(p.1)
-    })?;
-    let most = seen.iter().map(|p| p.r * p.value).fold(0.0, f64::max) * 1.3;
+    panel(&profile, plot, &radii, Decades(least / 2.0..largest * 2.0), &plot.labels[0], |p| Some(p.1))?;
+    let weigh = |r: f64, v: f64| r.powi(plot.power) * v;
+    let most = seen.iter().map(|p| weigh(p.r, p.value)).fold(0.0, f64::max) * 1.3;
     let energy_axis = Linear(0.0..most);
-    panel(&energy, plot, &radii, energy_axis, &format!("r R(r)  [1/{}]", plot.unit), |p| Some(p.0 * p.1))?;
+    panel(&energy, plot, &radii, energy_axis, &plot.labels[1], |p| Some(weigh(p.0, p.1)))?;
     ratios(&ratio, plot, &radii)?;
     facts(&table, plot)?;
     root.present().map_err(fail)
@@ -426,6 +444,8 @@ mod tests {
             title: "Milk".into(),
             subtitle: "sigma_a .1".into(),
             unit: "mm".into(),
+            labels: ["R".into(), "r R".into()],
+            power: 1,
             columns: vec!["albedo".into(), "L1".into()],
             facts: vec!["0.51".into(), String::new()],
             measured: measured.collect(),

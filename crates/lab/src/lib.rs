@@ -19,6 +19,8 @@
 //! | question | where |
 //! |---|---|
 //! | how much is reflected, transmitted, absorbed, and where, when, at which angle? | [`run()`] |
+//! | how far does light get, and how bright is it around a point source? | [`infinite`] |
+//! | which radiance is there inside a half-space or a ball, direction by direction? | [`radiance`] |
 //! | what do walks into a half-space say about several albedos at once? | [`spread`] |
 //! | which published values are found again? | [`validate`] |
 //! | where does the table of the profile `tabulated` come from? | [`tabulate`] |
@@ -27,9 +29,11 @@
 
 pub mod error;
 pub mod experiment;
+pub mod infinite;
 pub mod law;
 pub mod plan;
 pub mod profile;
+pub mod radiance;
 mod recorder;
 pub mod results;
 pub mod run;

@@ -18,6 +18,8 @@
 //!
 //! **Surface.** What leaves through a boundary is $\int (1 - F) L \cos\theta\, d\omega = C_\phi \phi + C_E\, \mathbf E \cdot \mathbf n$ ([`Boundary::exitance`]).
 
+pub mod lit;
+
 use std::f64::consts::PI;
 
 use moonmilk_core::DVec3;

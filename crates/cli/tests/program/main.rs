@@ -13,6 +13,7 @@ mod exactness;
 mod honesty;
 mod interruptions;
 mod layers;
+mod lecture;
 mod profile;
 mod simulate;
 mod usage;
