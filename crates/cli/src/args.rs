@@ -57,7 +57,7 @@ pub enum Command {
     Diff(Diff),
     /// Plot R(r) of subsurface models against Monte Carlo, with a table of their errors.
     Profile(ProfileArgs),
-    /// Simulate light in layers: reflectance, transmittance, absorption and fluence, each with its error.
+    /// Simulate light in layers or in the bodies of a scene: reflectance, transmittance, absorption and fluence, each with its error.
     Simulate(Simulate),
     /// Measure published and exact values again.
     Validate(Validate),

@@ -7,8 +7,18 @@ use clap::{Args, ValueEnum};
 /// Arguments of `simulate`.
 #[derive(Debug, Args)]
 pub struct Simulate {
-    /// The experiment: layers, source and tallies in TOML, or an input file of MCML (.mci).
+    /// The experiment: layers, source and tallies in TOML, an input file of MCML (.mci), or a scene of pbrt: closed bodies with homogeneous media, one light, and
+    /// all other shapes as detectors that take the light that meets them.
     pub file: PathBuf,
+    /// Grids to record in the bodies of a scene: fluence=N, absorption=N, with N cubic cells along the longest side.
+    #[arg(long, value_name = "LIST")]
+    pub tally: Vec<String>,
+    /// Colour of a scene's coefficients.
+    #[arg(long, value_enum, default_value = "green", value_name = "COLOUR")]
+    pub channel: Channel,
+    /// Unit of length of a scene, a label: um, mm, cm, m.
+    #[arg(long, default_value = "mm", value_name = "UNIT")]
+    pub unit: String,
     /// Results to write: .csv, .json or .npz (default: the totals, on standard output). A file of several runs writes NAME-1, NAME-2, ...
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,

@@ -1,15 +1,49 @@
-//! `moonmilk simulate`.
+//! `moonmilk simulate`: layers from TOML and MCML's files, bodies from scenes.
+
+mod scene;
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 use moonmilk_io::atomic::write_atomically;
 use moonmilk_io::lab::{experiment_toml, mci, npz, tables};
-use moonmilk_lab::{Experiment, Results, run};
+use moonmilk_lab::bodies::{self, Bodies};
+use moonmilk_lab::{Error, Experiment, Results, run};
 
 use crate::failure::Failure;
 use crate::lab_args::Simulate;
 use crate::{Outcome, output};
+
+/// What is simulated.
+enum Job {
+    Layers(Box<Experiment>),
+    Bodies(Box<Bodies>),
+}
+
+impl Job {
+    fn set(&mut self, photons: Option<u64>, seed: Option<u64>) {
+        let (p, s) = match self {
+            Self::Layers(e) => (&mut e.photons, &mut e.seed),
+            Self::Bodies(e) => (&mut e.photons, &mut e.seed),
+        };
+        *p = photons.unwrap_or(*p);
+        *s = seed.unwrap_or(*s);
+    }
+
+    fn run(&self) -> Result<Results, Error> {
+        match self {
+            Self::Layers(e) => run(e),
+            Self::Bodies(e) => bodies::run(e),
+        }
+    }
+
+    fn max_collisions(&self) -> u32 {
+        match self {
+            Self::Layers(e) => e.max_collisions,
+            Self::Bodies(e) => e.max_collisions,
+        }
+    }
+}
 
 /// Formats of results.
 #[derive(Clone, Copy)]
@@ -35,36 +69,36 @@ pub fn run_command(a: &Simulate) -> Outcome {
     let name = a.file.display().to_string();
     let extension = a.file.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
     let text = || std::fs::read_to_string(&a.file).map_err(|e| fail(e.to_string()));
-    let mut runs: Vec<(String, Experiment)> = match extension.as_deref() {
-        Some("toml") => vec![(String::new(), experiment_toml::parse(&name, &text()?).map_err(Failure::Scene)?)],
+    let is_scene = [".pbrt", ".pbrt.gz"].iter().any(|e| name.to_ascii_lowercase().ends_with(e));
+    if !is_scene && !a.tally.is_empty() {
+        return Err(Failure::Usage("--tally is for scenes: layers have their tallies in the file".into()));
+    }
+    let mut runs: Vec<(String, Job)> = match extension.as_deref() {
+        _ if is_scene => vec![(String::new(), Job::Bodies(Box::new(scene::read(a)?)))],
+        Some("toml") => {
+            let e = experiment_toml::parse(&name, &text()?).map_err(Failure::Scene)?;
+            vec![(String::new(), Job::Layers(Box::new(e)))]
+        }
         Some("mci") => {
             let file = mci::parse(&name, &text()?).map_err(Failure::Scene)?;
             file.warnings.iter().for_each(|w| tracing::warn!("{w}"));
-            file.runs.into_iter().map(|r| (r.output, r.experiment)).collect()
+            file.runs.into_iter().map(|r| (r.output, Job::Layers(Box::new(r.experiment)))).collect()
         }
-        _ => return Err(fail("experiments are read from .toml or .mci".into())),
+        _ => return Err(fail("experiments are read from .toml or .mci, bodies from .pbrt".into())),
     };
     if let Some((path, _)) = target {
         output::check_writable(path)?;
     }
     let several = runs.len() > 1;
-    for (k, (name, experiment)) in runs.iter_mut().enumerate() {
-        if let Some(photons) = a.photons {
-            experiment.photons = photons;
-        }
-        if let Some(seed) = a.seed {
-            experiment.seed = seed.wrapping_add(k as u64);
-        }
-        let results = on_threads(a.threads, || run(experiment))?.map_err(|e| Failure::Input(e.to_string()))?;
+    for (k, (name, job)) in runs.iter_mut().enumerate() {
+        job.set(a.photons, a.seed.map(|s| s.wrapping_add(k as u64)));
+        let results = on_threads(a.threads, || job.run())?.map_err(|e| Failure::Input(e.to_string()))?;
         if results.lost > 0 {
             tracing::warn!("{} paths were lost by rounding", results.lost);
         }
         let unfinished = results.scalar("unfinished").map_or(0.0, |u| u.mean);
         if unfinished > 0.0 {
-            tracing::warn!(
-                "{unfinished:.2e} of the light was still inside after {} collisions",
-                experiment.max_collisions
-            );
+            tracing::warn!("{unfinished:.2e} of the light was still inside after {} collisions", job.max_collisions());
         }
         match target {
             None => {

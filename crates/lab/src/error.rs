@@ -17,6 +17,37 @@ pub enum Error {
     /// There is no layer.
     #[error("an experiment needs at least one layer")]
     NoLayers,
+    /// There is no body.
+    #[error("an experiment needs at least one body with a medium")]
+    NoBodies,
+    /// A body's surface encloses no volume.
+    #[error("{body}: its surface is open; a body needs a closed one")]
+    Open {
+        /// Name of the body.
+        body: String,
+    },
+    /// A body's normals point inwards.
+    #[error("{body}: its surface is inside out (volume {volume})")]
+    InsideOut {
+        /// Name of the body.
+        body: String,
+        /// Its signed volume.
+        volume: f64,
+    },
+    /// Two surfaces cut each other, or one is within the other.
+    #[error("{a} and {b} overlap or touch: bodies and detectors must be apart")]
+    Overlap {
+        /// Name of one.
+        a: String,
+        /// Name of the other.
+        b: String,
+    },
+    /// A source stands in a clear refractive body, where light may be reflected for ever.
+    #[error("{body}: the light is inside of a clear refractive body, where it may be reflected for ever")]
+    Trapped {
+        /// Name of the body.
+        body: String,
+    },
     /// Too many cells are to be recorded.
     #[error("{cells} cells are to be recorded, and {most} are the most: fewer bins or fewer axes together")]
     TooManyCells {

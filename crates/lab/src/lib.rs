@@ -21,12 +21,14 @@
 //! | how much is reflected, transmitted, absorbed, and where, when, at which angle? | [`run()`] |
 //! | how far does light get, and how bright is it around a point source? | [`infinite`] |
 //! | which radiance is there inside a half-space or a ball, direction by direction? | [`radiance`] |
+//! | the same for bodies of any shape, with detectors around them? | [`bodies`] |
 //! | what do walks into a half-space say about several albedos at once? | [`spread`] |
 //! | which published values are found again? | [`validate`] |
 //! | where does the table of the profile `tabulated` come from? | [`tabulate`] |
 //!
 //! This crate is kept apart from `moonmilk-render` on purpose: neither may use the other.
 
+pub mod bodies;
 pub mod error;
 pub mod experiment;
 pub mod infinite;

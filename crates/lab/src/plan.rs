@@ -34,6 +34,8 @@ pub enum Quantity {
     X,
     /// y of the exit point.
     Y,
+    /// z of a point in a body.
+    Z,
     /// Path length.
     Path,
     /// Time of flight.

@@ -50,7 +50,7 @@ impl At {
     fn get(&self, q: Quantity) -> f64 {
         match q {
             Quantity::Radius => self.x.hypot(self.y),
-            Quantity::Depth => self.depth,
+            Quantity::Depth | Quantity::Z => self.depth,
             Quantity::Angle => self.angle,
             Quantity::X => self.x,
             Quantity::Y => self.y,

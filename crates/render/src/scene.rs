@@ -20,7 +20,7 @@ use crate::media::{FieldAt, Matter, SceneMedium};
 use crate::nest::{Meeting, Nest};
 use crate::texture::{TexturePoint, Textures};
 use instances::Built;
-pub(crate) use objects::build_shape;
+pub use objects::build_shape;
 use objects::finish_objects;
 
 /// Cells of a body's grid of free room, one byte each.

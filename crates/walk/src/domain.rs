@@ -57,8 +57,8 @@ pub trait Domain<const N: usize> {
 
 /// Decides reflection or refraction at a smooth boundary met from inside; returns the new direction and whether it left.
 ///
-/// `n` is the outward unit normal, `eta` = inside / outside. Reflection with probability F, else refraction: weight one.
-pub(crate) fn smooth_boundary(d: Vec3, n: Vec3, eta: f32, rng: &mut impl Random) -> (Vec3, bool) {
+/// `n` is the outward unit normal, `eta` = inside / outside. Reflection with probability F, else refraction: weight one. For light that enters, hand in the inward normal and the inverse index.
+pub fn smooth_boundary(d: Vec3, n: Vec3, eta: f32, rng: &mut impl Random) -> (Vec3, bool) {
     let cos_i = d.dot(n).clamp(0.0, 1.0);
     if eta == 1.0 {
         return (d, true);

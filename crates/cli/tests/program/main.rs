@@ -5,6 +5,7 @@
 
 mod common;
 
+mod bodies;
 mod budgets;
 mod check;
 mod display;

@@ -7,31 +7,31 @@ use serde_json::{Value, json};
 
 /// Returns results as CSV in the long form: one line per number, with the bounds of its cell.
 ///
-/// Columns: quantity, unit, then name, lower and upper bound of up to two axes, mean, standard error. The line `QUANTITY` with
+/// Columns: quantity, unit, then name, lower and upper bound of two axes (three if a grid has as many), mean, standard error. The line `QUANTITY` with
 /// axis `outside` holds what fell outside of a grid, as a share of the power.
 pub fn csv(r: &Results) -> String {
-    let mut out = String::from("quantity,unit,axis_1,from_1,to_1,axis_2,from_2,to_2,mean,std_err\n");
-    let mut line = |name: &str, unit: &str, axes: [(&str, String); 2], mean: f64, std_err: f64| {
-        let [a, b] =
-            axes.map(|(name, range)| if name.is_empty() { ",,".to_owned() } else { format!("{name},{range}") });
-        writeln!(out, "{},{unit},{a},{b},{mean:e},{std_err:e}", quoted(name)).expect("a string takes everything");
+    let most = r.grids.iter().map(|g| g.axes.len()).fold(2, usize::max);
+    let heads: String = (1..=most).map(|k| format!("axis_{k},from_{k},to_{k},")).collect();
+    let mut out = format!("quantity,unit,{heads}mean,std_err\n");
+    let mut line = |name: &str, unit: &str, axes: &[String], mean: f64, std_err: f64| {
+        let axes: String = (0..most).map(|k| axes.get(k).map_or(",,,".into(), |a| format!("{a},"))).collect();
+        writeln!(out, "{},{unit},{axes}{mean:e},{std_err:e}", quoted(name)).expect("a string takes everything");
     };
-    let none = || ("", String::new());
     for s in &r.scalars {
-        line(&s.name, &s.unit, [none(), none()], s.value.mean, s.value.std_err);
+        line(&s.name, &s.unit, &[], s.value.mean, s.value.std_err);
     }
     for g in &r.grids {
         for (i, c) in g.cells.iter().enumerate() {
-            let fast = g.axes[g.axes.len() - 1].cells();
-            let range = |axis: &moonmilk_lab::plan::Axis, k: usize| format!("{},{}", axis.edges[k], axis.edges[k + 1]);
-            let axes = match &g.axes[..] {
-                [a] => [(a.name, range(a, i)), none()],
-                [a, b, ..] => [(a.name, range(a, i / fast)), (b.name, range(b, i % fast))],
-                [] => [none(), none()],
-            };
-            line(g.name, &g.unit, axes, c.mean, c.std_err);
+            let mut rest = i;
+            let mut axes: Vec<String> = Vec::new();
+            for a in g.axes.iter().rev() {
+                let k = rest % a.cells();
+                rest /= a.cells();
+                axes.insert(0, format!("{},{},{}", a.name, a.edges[k], a.edges[k + 1]));
+            }
+            line(g.name, &g.unit, &axes, c.mean, c.std_err);
         }
-        line(g.name, "1", [("outside", ",".into()), none()], g.outside.mean, g.outside.std_err);
+        line(g.name, "1", &["outside,,".into()], g.outside.mean, g.outside.std_err);
     }
     out
 }

@@ -45,6 +45,8 @@ pub fn examine(p: &mut Patient, shape: usize, closed: bool) -> Option<Body> {
         area: p.shapes[shape].area(),
         eta: eta(d, s.material),
         smooth: is_interface(d, s.material) || p.scene.materials.smooth_eta(s.material).is_some(),
+        sigma_a: [[f32::INFINITY; 3], [0.0; 3]],
+        sigma_s: [[f32::INFINITY; 3], [0.0; 3]],
         sigma_t: [[f32::INFINITY; 3], [0.0; 3]],
         alpha: [0.0; 3],
         g: 0.0,
@@ -53,8 +55,11 @@ pub fn examine(p: &mut Patient, shape: usize, closed: bool) -> Option<Body> {
         body.g = g;
         for c in 0..3 {
             let t = sigma_a[c] + sigma_s[c];
-            body.sigma_t[0][c] = body.sigma_t[0][c].min(t);
-            body.sigma_t[1][c] = body.sigma_t[1][c].max(t);
+            for (range, x) in [(&mut body.sigma_a, sigma_a[c]), (&mut body.sigma_s, sigma_s[c]), (&mut body.sigma_t, t)]
+            {
+                range[0][c] = range[0][c].min(x);
+                range[1][c] = range[1][c].max(x);
+            }
             body.alpha[c] = body.alpha[c].max(if t > 0.0 { sigma_s[c] / t } else { 0.0 });
         }
     }

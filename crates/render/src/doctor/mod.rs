@@ -75,6 +75,10 @@ pub struct Body {
     pub eta: f64,
     /// Whether its boundary is smooth, or none at all.
     pub smooth: bool,
+    /// Absorption coefficient \[1/L\] at red, green and blue: smallest and largest over the surface.
+    pub sigma_a: [[f32; 3]; 2],
+    /// Scattering coefficient, likewise.
+    pub sigma_s: [[f32; 3]; 2],
     /// Extinction coefficient \[1/L\] at red, green and blue: smallest and largest over the surface.
     pub sigma_t: [[f32; 3]; 2],
     /// Scattering coefficient over extinction coefficient at red, green and blue, largest over the surface.

@@ -11,7 +11,9 @@ use crate::lights;
 use crate::material::Materials;
 
 /// Makes the geometry of a shape in world space.
-pub(crate) fn build_shape(s: &ShapeDescription, warnings: &mut Vec<Warning>) -> Result<Shape, SceneError> {
+///
+/// *Errors*: a mesh that is none, a transform that is singular or not finite, with the shape's place.
+pub fn build_shape(s: &ShapeDescription, warnings: &mut Vec<Warning>) -> Result<Shape, SceneError> {
     let fail = |reason: String| SceneError::Shape { place: s.place.clone(), name: s.name.clone(), reason };
     let m = &s.object_to_world;
     let flat = || fail("its transform is singular or not finite, or its size is not positive".into());
