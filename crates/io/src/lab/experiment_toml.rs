@@ -21,7 +21,7 @@
 //! sigma_s = 20
 //! g = 0.8                 # Henyey-Greenstein (default 0), or instead one of
 //! # phase = { type = "two-lobe", weight = 0.9, g1 = 0.9, g2 = -0.2 }
-//! # phase = { type = "rayleigh" }
+//! # phase = { type = "rayleigh" }, { type = "cornette-shanks", g = 0.8 }, { type = "von-mises-fisher", kappa = 5 }
 //! # phase = { type = "table", cosines = [-1, 0, 1], values = [1, 1, 2] }    # linear between, normalised
 //!
 //! [tally]                 # what is recorded beside the totals; all optional
@@ -37,11 +37,10 @@
 //! Unknown keys are errors, and every error has its place.
 
 use std::ops::Range;
-use std::sync::Arc;
 
 use moonmilk_lab::experiment::Unit;
-use moonmilk_lab::law::Table;
 use moonmilk_lab::{Bins, Error, Experiment, Law, LayerSpec, Source, Tallies};
+use moonmilk_optics::phase::function::{PhaseFunction, Tabulated};
 use serde::Deserialize;
 use toml::Spanned;
 
@@ -96,6 +95,8 @@ enum PhaseTable {
     HenyeyGreenstein { g: f64 },
     TwoLobe { weight: f64, g1: f64, g2: f64 },
     Rayleigh {},
+    CornetteShanks { g: f64 },
+    VonMisesFisher { kappa: f64 },
     Table { cosines: Vec<f64>, values: Vec<f64> },
 }
 
@@ -184,18 +185,19 @@ pub fn parse(file: &str, text: &str) -> Result<Experiment, LoadError> {
             (None, None) => Law::HenyeyGreenstein(0.0),
             (None, Some(phase)) => {
                 places.known.push((place.clone(), phase.span()));
-                match phase.get_ref() {
-                    PhaseTable::HenyeyGreenstein { g } => Law::HenyeyGreenstein(*g as f32),
+                Law::from(match phase.get_ref() {
+                    PhaseTable::HenyeyGreenstein { g } => PhaseFunction::HenyeyGreenstein(*g),
                     PhaseTable::TwoLobe { weight, g1, g2 } => {
-                        Law::TwoLobe { weight: *weight as f32, g1: *g1 as f32, g2: *g2 as f32 }
+                        PhaseFunction::TwoLobes { g_1: *g1, g_2: *g2, w: *weight }
                     }
-                    PhaseTable::Rayleigh {} => Law::Rayleigh,
+                    PhaseTable::Rayleigh {} => PhaseFunction::Rayleigh,
+                    PhaseTable::CornetteShanks { g } => PhaseFunction::CornetteShanks(*g),
+                    PhaseTable::VonMisesFisher { kappa } => PhaseFunction::VonMisesFisher(*kappa),
                     PhaseTable::Table { cosines, values } => {
-                        let table =
-                            Table::new(cosines, values).map_err(|e| places.at(phase.span(), &e.to_string(), None))?;
-                        Law::Table(Arc::new(table))
+                        let table = Tabulated::new(cosines, values);
+                        PhaseFunction::Tabulated(table.map_err(|e| places.at(phase.span(), &e.to_string(), None))?)
                     }
-                }
+                })
             }
         };
         layers.push(LayerSpec { name, thickness, n, sigma_a, sigma_s, law });

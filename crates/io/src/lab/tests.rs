@@ -1,6 +1,7 @@
 //! Files of the laboratory: what is read, what is refused and where, what is written.
 
 use moonmilk_lab::{Law, Source, run};
+use moonmilk_optics::phase::function::PhaseFunction;
 
 use super::{experiment_toml, mci, npz, tables};
 
@@ -39,7 +40,7 @@ fn toml_experiments_are_read_with_defaults() {
     assert_eq!((e.photons, e.seed, e.n_above, e.n_below, e.unit.symbol()), (2000, 1, 1.0, 1.4, "cm"));
     assert!(matches!(e.source, Source::Pencil { angle } if (angle.to_degrees() - 30.0).abs() < 1e-12));
     assert_eq!((e.layers[1].name.as_str(), e.layers[1].thickness), ("2", f64::INFINITY));
-    assert_eq!(e.layers[1].law, Law::TwoLobe { weight: 0.9, g1: 0.9, g2: -0.2 });
+    assert_eq!(e.layers[1].law, Law::from(PhaseFunction::TwoLobes { w: 0.9, g_1: 0.9, g_2: -0.2 }));
     assert_eq!(e.tallies.radius.unwrap().bins, 5);
     run(&e).unwrap();
 }
