@@ -143,6 +143,36 @@ fn points_inside_shine_evenly_and_bodies_shade_one_another() {
 }
 
 #[test]
+fn meshes_shine_on_bodies_and_take_what_comes_back() {
+    // Two parallel unit squares at the distance 1: a share of .199825 of the light of one meets the other (Howell's catalogue, C-11).
+    let square = |z: f32, up: bool| {
+        let p = vec![Vec3::new(0.0, 0.0, z), Vec3::new(1.0, 0.0, z), Vec3::new(1.0, 1.0, z), Vec3::new(0.0, 1.0, z)];
+        let faces = if up { vec![[0, 1, 2], [0, 2, 3]] } else { vec![[0, 2, 1], [0, 3, 2]] };
+        Shape::from(Mesh::new(p, vec![], vec![], faces).unwrap())
+    };
+    let far = body("b", moved(&bumpy_sphere(2, 0.0), Vec3::new(0.5, 0.5, -30.0)), 1.0, 50.0, 0.0, 0.0);
+    for (two_sided, share) in [(false, 1.0), (true, 0.5)] {
+        let mut e = Bodies::new(vec![far.clone()], Light::Surface { detector: 0, two_sided });
+        let detector = |name: &str, shape| DetectorSpec { name: name.into(), shape };
+        e.detectors = vec![detector("lamp", square(0.0, true)), detector("screen", square(1.0, false))];
+        e.photons = PHOTONS;
+        let r = simulate(&e);
+        agree(r.scalar("detected.screen").unwrap(), exactly(0.199825 * share), "two squares");
+        // No light meets the flat square that it comes from.
+        assert_eq!(r.scalar("detected.lamp").unwrap().mean, 0.0);
+        assert_eq!(r.scalar("incident.b").unwrap().mean > 0.0, two_sided);
+    }
+    // A wall of a milky box takes back what the box returns.
+    let milk = body("milk", cuboid(Vec3::new(-1.0, -1.0, -2.0), Vec3::new(2.0, 2.0, -0.5)), 1.0, 0.01, 20.0, 0.0);
+    let mut e = Bodies::new(vec![milk], Light::Surface { detector: 0, two_sided: false });
+    e.detectors = vec![DetectorSpec { name: "lamp".into(), shape: square(0.0, false) }];
+    e.photons = 4000;
+    assert!(simulate(&e).scalar("detected.lamp").unwrap().mean > 0.05);
+    e.light = Light::Surface { detector: 1, two_sided: false };
+    assert!(bodies::run(&e).is_err());
+}
+
+#[test]
 fn the_result_does_not_depend_on_threads_and_beams_stay_narrow() {
     let mut e = Bodies::new(vec![body("b", bumpy_sphere(3, 0.2), 1.3, 0.1, 4.0, 0.5)], Light::Uniform);
     e.photons = 4000;

@@ -28,13 +28,10 @@ pub fn read(a: &Simulate) -> Result<Bodies, Failure> {
         names.push(stem.clone());
         if same == 0 { stem } else { format!("{stem}-{}", same + 1) }
     };
-    let (mut bodies, mut detectors) = (Vec::new(), Vec::new());
+    let (mut bodies, mut detectors, mut shining) = (Vec::new(), Vec::new(), Vec::new());
     for s in &d.shapes {
-        if s.area_light.is_some() {
-            return Err(refuse(
-                &s.place,
-                "shapes that shine are not simulated: use a point, spot, distant or infinite light",
-            ));
+        if s.area_light.as_ref().is_some_and(|l| l.image.is_some()) {
+            return Err(refuse(&s.place, "shapes that shine with a picture are not simulated"));
         }
         if s.alpha.is_some() {
             return Err(refuse(&s.place, "shapes with `alpha` are not simulated"));
@@ -49,6 +46,9 @@ pub fn read(a: &Simulate) -> Result<Bodies, Failure> {
         let material = &d.materials[s.material].kind;
         let here: Vec<&Body> = report.bodies.iter().filter(|b| b.place == s.place).collect();
         match here.iter().find(|b| b.source.material == s.material) {
+            Some(_) if s.area_light.is_some() => {
+                return Err(refuse(&s.place, "bodies that shine are not simulated"));
+            }
             Some(b) => {
                 if shape.is_closed() && shape.volume() < 0.0 {
                     tracing::warn!("{}: {called} is inside out and was turned", s.place);
@@ -67,11 +67,25 @@ pub fn read(a: &Simulate) -> Result<Bodies, Failure> {
             }
             None => {
                 tracing::info!("{called} bounds no medium: it is a detector, which takes all light that meets it");
+                if let Some(light) = &s.area_light {
+                    if shape.mesh().is_none() {
+                        return Err(refuse(&s.place, "of the shapes that shine, meshes alone are simulated"));
+                    }
+                    shining.push(Light::Surface { detector: detectors.len(), two_sided: light.two_sided });
+                }
                 detectors.push(DetectorSpec { name: called, shape });
             }
         }
     }
-    let light = light(&a.file, d)?;
+    let light = match (&shining[..], &d.lights[..]) {
+        ([one], []) => *one,
+        ([], [one]) => light(one)?,
+        _ => {
+            let n = shining.len() + d.lights.len();
+            let why = "one is simulated: point, spot, distant, infinite, or a mesh that shines";
+            return Err(Failure::Input(format!("{}: there are {n} lights, and {why}", a.file.display())));
+        }
+    };
     let mut e = Bodies::new(bodies, light);
     e.unit = unit(&a.unit)?;
     e.detectors = detectors;
@@ -110,14 +124,8 @@ fn coefficients(d: &SceneDescription, b: &Body, channel: usize) -> Result<(f64, 
     Ok((f64::from(a.0), f64::from(s.0)))
 }
 
-/// Returns the scene's only light.
-fn light(file: &Path, d: &SceneDescription) -> Result<Light, Failure> {
-    let [light] = &d.lights[..] else {
-        let n = d.lights.len();
-        let why =
-            format!("{}: there are {n} lights, and one is simulated: point, spot, distant or infinite", file.display());
-        return Err(Failure::Input(why));
-    };
+/// Returns a light that is not a shape.
+fn light(light: &LightDescription) -> Result<Light, Failure> {
     let LightDescription { place, light_to_world: m, kind, portal, .. } = light;
     if portal.is_some() {
         return Err(refuse(place, "portals are not simulated"));

@@ -72,6 +72,16 @@ fn every_kind_of_light_that_is_accepted_shines() {
         let r = f.succeed("simulate b.pbrt --photons 4000");
         assert!(number(&r.stdout, name) > 0.015, "{light}: {}", r.stdout);
     }
+    // A square above the ball that shines down: from its middle the ball fills a cone of sine 1/3, so a share of 1/9 of Lambertian light.
+    let square = r#"AttributeBegin
+  AreaLightSource "diffuse" "rgb L" [1 1 1]
+  Shape "trianglemesh" "point3 P" [-.01 3 -.01  .01 3 -.01  .01 3 .01  -.01 3 .01] "integer indices" [0 1 2 0 2 3]
+AttributeEnd"#;
+    f.write("c.pbrt", scene(square));
+    let r = f.succeed("simulate c.pbrt --photons 20000");
+    // 20000 paths: a standard error of .0022.
+    let share = number(&r.stdout, "incident.sphere");
+    assert!((share - 1.0 / 9.0).abs() < 5.0 * 0.0022, "{}", r.stdout);
 }
 
 #[test]
@@ -86,7 +96,8 @@ fn what_a_scene_has_beyond_that_is_refused_with_its_place() {
             "c.pbrt:11:3: a refractive surface without a medium",
         ),
         (good.replace("\"float eta\" 1.4", "\"float eta\" 1.4 \"float roughness\" .2"), "c.pbrt:6:3: rough boundaries"),
-        (good.replace("Material \"diffuse\"", "AreaLightSource \"diffuse\""), "shapes that shine"),
+        (good.replace("Material \"diffuse\"", "AreaLightSource \"diffuse\""), "of the shapes that shine, meshes alone"),
+        (good.replace("Shape \"sphere\"", "AreaLightSource \"diffuse\" Shape \"sphere\""), "bodies that shine"),
         (good.replace("Translate 0 0 3", "Translate 0 0 .5"), "sphere and disk overlap or touch"),
         (
             good.replace(

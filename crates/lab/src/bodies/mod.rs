@@ -1,7 +1,7 @@
 //! Light in closed bodies of any shape, and detectors around them.
 //!
 //! Bodies are closed surfaces around homogeneous media, apart from one another; between them is nothing. Light flies from its source until it meets a body, where it is reflected or refracted by
-//! Fresnel's law; inside it walks as in layers, until it leaves and flies on. Detectors are surfaces that take all light that meets them and count it.
+//! Fresnel's law; inside it walks as in layers, until it leaves and flies on. Detectors are surfaces that take all light that meets them and count it; one of them may shine.
 //!
 //! Powers are shares of the light that the source sends out. [`Light::Uniform`] and [`Light::Parallel`] send it through a ball around everything, whose radius is a result (`radius`): uniform light of radiance L
 //! sends 4 pi^2 R^2 L, parallel light of irradiance E sends pi R^2 E.
@@ -68,6 +68,13 @@ pub enum Light {
     Parallel {
         /// Where it flies to; any length but 0.
         direction: Vec3,
+    },
+    /// Lambertian light from a detector's mesh, even over its surface; the mesh still takes the light that meets it.
+    Surface {
+        /// Number of the detector.
+        detector: usize,
+        /// Whether both sides shine, or the side of the normals alone.
+        two_sided: bool,
     },
     /// A point, inside a body or outside: all directions alike, or a cone of them.
     Point {
@@ -165,6 +172,10 @@ impl Bodies {
         }
         match self.light {
             Light::Uniform => {}
+            Light::Surface { detector, .. } => {
+                let mesh = self.detectors.get(detector).is_some_and(|d| d.shape.mesh().is_some());
+                within("number of the detector that shines", detector as f64, mesh, "those of meshes")?;
+            }
             Light::Parallel { direction: d } | Light::Point { axis: d, .. } => {
                 let length = f64::from(d.length());
                 within("length of the light's direction", length, length > 0.0 && length.is_finite(), "(0, inf)")?;

@@ -1,7 +1,8 @@
 //! Follows light from its source through bodies to where it ends.
 
 use moonmilk_core::{DVec3, Estimate, Frame, Random, Spectrum, Stream, Vec3};
-use moonmilk_geometry::{Accel, Body, Facing, Hit, Ray, Room};
+use moonmilk_geometry::sample::sample_triangle;
+use moonmilk_geometry::{Accel, Body, Facing, Hit, Prim, Ray, Room, Shape, WORLD};
 use moonmilk_walk::domain::{Wall, smooth_boundary};
 use moonmilk_walk::math::{sin_cos_turn, uniform_sphere};
 use moonmilk_walk::{Domain, Limits, Medium, Outcome, Roulette, Walker, walk};
@@ -99,6 +100,8 @@ struct Ready<'a> {
     radius: f32,
     fluence: Option<Cells>,
     absorption: Option<Cells>,
+    /// Sums of the areas of the triangles that shine.
+    shining: Vec<f64>,
     sums: usize,
 }
 
@@ -123,6 +126,10 @@ impl<'a> Ready<'a> {
                 cells
             })
         };
+        let shining = match e.light {
+            Light::Surface { detector, .. } => areas(&e.detectors[detector].shape),
+            _ => Vec::new(),
+        };
         let (fluence, absorption) = (cells(e.grids.fluence), cells(e.grids.absorption));
         Self {
             e,
@@ -133,6 +140,7 @@ impl<'a> Ready<'a> {
             accel,
             fluence,
             absorption,
+            shining,
             sums,
         }
     }
@@ -153,9 +161,10 @@ impl<'a> Ready<'a> {
         Error::Overlap { a: name(a), b: name(b) }
     }
 
-    /// Returns the start of a path and its direction.
-    fn emit(&self, rng: &mut Stream) -> (Vec3, Vec3) {
-        match self.e.light {
+    /// Returns the ray on which a path starts.
+    fn emit(&self, rng: &mut Stream) -> Ray {
+        let (p, d) = match self.e.light {
+            Light::Surface { detector, two_sided } => return self.emit_from(detector, two_sided, rng),
             Light::Uniform => {
                 // Lambertian light inwards from the ball around everything.
                 let n = uniform_sphere(rng.uniform2());
@@ -185,18 +194,36 @@ impl<'a> Ready<'a> {
                     }
                     let (s, c) = sin_cos_turn(u[1]);
                     let r = ((1.0 - z) * (1.0 + z)).max(0.0).sqrt();
-                    return (at, frame.to_world(Vec3::new(r * c, r * s, z)));
+                    break (at, frame.to_world(Vec3::new(r * c, r * s, z)));
                 }
             }
-        }
+        };
+        Ray::new(p, d)
+    }
+
+    /// Returns a ray of Lambertian light from a detector's mesh.
+    fn emit_from(&self, detector: usize, two_sided: bool, rng: &mut Stream) -> Ray {
+        let shape = (self.e.bodies.len() + detector) as u32;
+        let u = f64::from(rng.uniform()) * self.shining[self.shining.len() - 1];
+        let triangle = self.shining.partition_point(|&a| a <= u).min(self.shining.len() - 1) as u32;
+        let corners = [Vec3::ZERO, Vec3::X, Vec3::Y];
+        let (_, b) = sample_triangle(corners, rng.uniform2());
+        let surface = self.accel.triangle_surface(shape, triangle, b).expect("checked to be a mesh");
+        let back = two_sided && rng.uniform() < 0.5;
+        let n = if back { -surface.ng } else { surface.ng };
+        let u = rng.uniform2();
+        let (s, c) = sin_cos_turn(u[1]);
+        let r = (1.0 - u[0]).sqrt();
+        let d = Frame::new(n).to_world(Vec3::new(r * c, r * s, u[0].sqrt()));
+        let first = self.accel.body(shape..shape + 1).first;
+        Ray::new(surface.p, d).from_prim(Prim { instance: WORLD, number: first + triangle })
     }
 
     /// Follows one path.
     fn follow(&self, rng: &mut Stream, sums: &mut [f64], cuts: &mut Vec<f64>) -> Result<bool, Error> {
         let bodies = self.e.bodies.len() as u32;
-        let (p, d) = self.emit(rng);
-        let mut walker = Walker::new(p, d);
-        let mut ray = Ray::new(p, d);
+        let mut ray = self.emit(rng);
+        let mut walker = Walker::new(ray.o, ray.d);
         // The body met last.
         let mut last = None;
         loop {
@@ -270,6 +297,19 @@ impl<'a> Ready<'a> {
     }
 }
 
+/// Returns the sums of the areas of a mesh's triangles, one by one.
+fn areas(shape: &Shape) -> Vec<f64> {
+    let mesh = shape.mesh().expect("checked to be a mesh");
+    let mut sum = 0.0;
+    (0..mesh.indices().len() as u32)
+        .map(|i| {
+            let [a, b, c] = mesh.corners(i).map(Vec3::as_dvec3);
+            sum += 0.5 * (b - a).cross(c - a).length();
+            sum
+        })
+        .collect()
+}
+
 /// Follows the experiment's paths and returns what they did; the same bits on any number of threads.
 ///
 /// *Errors*: what [`Bodies::check`] finds; bodies or detectors that overlap or touch.
@@ -339,7 +379,7 @@ fn collect(ready: &Ready<'_>, mean: &[f64], square: &[f64], lost: u64) -> Result
             scalars.push(scalar(format!("{name}.{}", b.name), about, unit, estimate(ready.of_body(i) + k, 1.0)));
         }
     }
-    if !matches!(e.light, Light::Point { .. }) {
+    if matches!(e.light, Light::Uniform | Light::Parallel { .. }) {
         let radius = Estimate { mean: f64::from(ready.radius), std_err: 0.0, n: e.photons };
         scalars.push(scalar(
             "radius".into(),
