@@ -1,47 +1,81 @@
-//! Makes the table of the profile `tabulated`, node by node: `tabulate DIR SECONDS [NODE...]` simulates nodes into files of DIR; all of
-//! them take about SECONDS on one core.
+//! Makes the table of the profile `tabulated`: `tabulate DIR [THOUSANDTHS]` simulates into DIR and writes DIR/tabulated.bin, which is shipped as
+//! `crates/optics/src/profile/tabulated/tabulated.bin`.
 //!
-//! Nodes are numbered index by index, asymmetry by asymmetry. The seed is fixed: the same number of walks makes the same bits.
+//! All walks take about 45 minutes of one core; THOUSANDTHS says how many of them to simulate. The table must exist to compile this; any
+//! file will do. Simulations that lie in DIR already are not repeated, so an interrupted run goes on.
+//! Seeds are fixed: equal walks make equal bits.
 
 use std::error::Error;
 use std::path::Path;
+use std::time::Instant;
 
-use moonmilk_lab::tabulate::{grid, node};
+use moonmilk_lab::tabulate::{Node, node, pack};
+use moonmilk_optics::profile::tabulated::grid::{self, ETAS, GS};
 
-/// Collisions per second and core, to choose the number of walks.
-const RATE: f64 = 20e6;
+/// Walks of one simulation of every asymmetry, and the number of simulations, with seeds 1, 2, ...
+const WALKS: [(u64, u64); GS] = [
+    (5_000_000, 4),
+    (5_000_000, 4),
+    (5_000_000, 4),
+    (5_000_000, 4),
+    (5_000_000, 6),
+    (4_000_000, 6),
+    (10_000_000, 6),
+    (5_000_000, 6),
+    (4_500_000, 6),
+    (3_000_000, 6),
+    (3_200_000, 6),
+    (2_800_000, 6),
+];
 
 fn main() -> Result<(), Box<dyn Error>> {
     let args: Vec<String> = std::env::args().skip(1).collect();
-    let dir = Path::new(args.first().ok_or("tabulate DIR SECONDS [NODE...]")?);
-    let nodes = grid::ETA.len() * grid::G.len();
-    let seconds: f64 = args.get(1).ok_or("SECONDS is missing")?.parse()?;
-    let chosen: Vec<usize> = match &args[2..] {
-        [] => (0..nodes).collect(),
-        list => list.iter().map(|s| s.parse()).collect::<Result<_, _>>()?,
-    };
-    // The sum of the variances is least if times go like the roots of the costs of a walk, about 1 / (1 - g) and more for larger eta.
-    let at = |i: usize| (grid::ETA[i / grid::G.len()], grid::G[i % grid::G.len()]);
-    let share = |i: usize| ((3.0 * at(i).0 - 2.0) / (1.0 - at(i).1)).sqrt();
-    let sum: f64 = (0..nodes).map(share).sum();
-    for i in chosen {
-        let (eta, g) = at(i);
-        // A first small run tells the cost of a walk.
-        let pilot = node(eta, g, 1 << 13, 0);
-        let cost = pilot.collisions as f64 / f64::from(1 << 13);
-        let walks = (seconds * share(i) / sum * RATE / cost) as u64;
-        let n = node(eta, g, walks, 1);
-        let albedo: f64 = n.share.iter().sum();
-        println!(
-            "node {i}: eta {eta}, g {g}, {walks} walks, {cost:.0} collisions each, left {albedo:.5}, rest {:.5}",
-            n.rest
-        );
-        let mut bytes = Vec::new();
-        for x in [eta, g, walks as f64, n.rest] {
-            bytes.extend((x as f32).to_le_bytes());
+    let dir = Path::new(args.first().ok_or("tabulate DIR [THOUSANDTHS]")?);
+    let thousandths: u64 = args.get(1).map_or(Ok(1000), |s| s.parse())?;
+    let mut nodes = Vec::new();
+    for (i, (walks, runs)) in WALKS.into_iter().enumerate() {
+        let mut joined: Option<Node> = None;
+        for seed in 1..=runs {
+            let path = dir.join(format!("g{i:02}s{seed}.bin"));
+            let n = match std::fs::read(&path) {
+                Ok(bytes) => read(&bytes)?,
+                Err(_) => {
+                    let start = Instant::now();
+                    let n = node(grid::g(i), &grid::etas(), (walks * thousandths).div_ceil(1000), seed);
+                    std::fs::write(&path, written(&n))?;
+                    let per_walk = n.collisions as f64 / n.walks as f64;
+                    println!("g {:.4}: {per_walk:.0} collisions per walk, {:.0} s", n.g, start.elapsed().as_secs_f64());
+                    n
+                }
+            };
+            match &mut joined {
+                Some(all) => all.join(&n),
+                None => joined = Some(n),
+            }
         }
-        n.share.iter().for_each(|&x| bytes.extend((x as f32).to_le_bytes()));
-        std::fs::write(dir.join(format!("node{i:02}.bin")), bytes)?;
+        let n = joined.ok_or("at least one run")?;
+        let left: f64 = n.share.iter().skip(ETAS - 1).step_by(ETAS).sum();
+        println!(
+            "g {:.4}: {} walks; at eta 2 {left:.5} left after 2 or more collisions, rest {:.5}",
+            n.g,
+            n.walks,
+            n.rest[ETAS - 1]
+        );
+        nodes.push(n);
     }
+    let bytes = pack::table(&nodes, &pack::totals());
+    println!("{} bytes", bytes.len());
+    std::fs::write(dir.join("tabulated.bin"), bytes)?;
     Ok(())
+}
+
+fn written(n: &Node) -> Vec<u8> {
+    [n.g, n.walks as f64].iter().chain(&n.rest).chain(&n.share).flat_map(|x| x.to_le_bytes()).collect()
+}
+
+fn read(bytes: &[u8]) -> Result<Node, Box<dyn Error>> {
+    let x: Vec<f64> = bytes.as_chunks().0.iter().map(|c| f64::from_le_bytes(*c)).collect();
+    let (head, share) = x.split_at_checked(2 + ETAS).ok_or("a simulation is cut short")?;
+    let rest = std::array::from_fn(|k| head[2 + k]);
+    Ok(Node { g: head[0], share: share.to_vec(), rest, walks: head[1] as u64, collisions: 0 })
 }

@@ -38,7 +38,7 @@ pub fn kulla_conty_alpha(albedo: f64, g: f64) -> f64 {
 pub struct Conventions {
     /// The coefficients themselves.
     pub properties: OpticalProperties,
-    /// Reflectance of entered light along the normal, with the boundary, exact up to similarity.
+    /// Reflectance of entered light along the normal, with the boundary, exact.
     pub albedo_normal: f64,
     /// Reflectance of entered Lambertian light, with the boundary.
     pub albedo_diffuse: f64,

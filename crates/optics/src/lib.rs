@@ -13,9 +13,9 @@
 //! | what does another program call that? | [`conventions`] |
 //! | how does a point source light an infinite medium? | [`point_source`], [`p1`] |
 //! | which medium looks the same at less cost? | [`similarity`] |
-//! | how much does a half-space reflect, exactly? | [`halfspace`] |
+//! | how much does a half-space reflect, exactly, at any asymmetry and index? | [`halfspace`] |
 //! | which medium has this albedo? | [`inversion`] |
-//! | how far does light spread before it comes out? | [`profile`], all models by name |
+//! | how far does light spread before it comes out? | [`profile`], all models by name; exactly: [`profile::tabulated`] |
 //! | what do slabs and closed bodies do? | [`profile::multipole`]; exact ones to test a simulation with in [`slab`] |
 //!
 //! Three albedos have three names: `alpha` of one collision, `alpha_prime` reduced by similarity, `albedo` of a surface with all its scattering.

@@ -207,7 +207,7 @@ mod tests {
         ];
         for (name, expected) in rows {
             let m = find(name).unwrap();
-            let table = AlbedoTable::new(f64::from(m.eta)).unwrap();
+            let table = AlbedoTable::new(f64::from(m.eta), 0.0).unwrap();
             for (k, expected) in expected.into_iter().enumerate() {
                 let (a, s) = (f64::from(m.sigma_a[k]), f64::from(m.sigma_s_prime[k]));
                 assert!((table.albedo(s / (a + s)) - expected).abs() < 6e-4, "{name} {k}");

@@ -331,7 +331,7 @@ impl Materials {
                 let table = m.albedo.as_ref().expect("prepared for this form");
                 // Texels may say a mean free path of 0; its limit is an opaque body, kept finite.
                 let mfp = (value(*mfp, Role::Unbounded) * *scale).map(|l| l.max(1e-20));
-                table.coefficients(value(*reflectance, Role::Albedo), mfp, *g)
+                table.coefficients(value(*reflectance, Role::Albedo), mfp)
             }
         };
         let medium = Medium::new(sigma_a, sigma_s, *g);
@@ -454,7 +454,8 @@ fn prepare(d: &SceneDescription, id: MaterialId, t: &Textures) -> Result<Prepare
                 }
                 SubsurfaceMedium::Reflectance { reflectance, mfp } => {
                     albedo(*reflectance).and_then(|()| value(*mfp))?;
-                    prepared.albedo = Some(AlbedoTable::new(f64::from(*eta)).map_err(|e| e.to_string())?);
+                    prepared.albedo =
+                        Some(AlbedoTable::new(f64::from(*eta), f64::from(*g)).map_err(|e| e.to_string())?);
                 }
             }
         }

@@ -1,7 +1,7 @@
 //! Totals of slabs and half-spaces, and mean path lengths.
 
 use moonmilk_core::Estimate;
-use moonmilk_optics::halfspace::{HalfSpace, Illumination};
+use moonmilk_optics::halfspace::{Anisotropic, HalfSpace, Illumination};
 use moonmilk_optics::slab;
 
 use super::{Check, Settings};
@@ -68,6 +68,16 @@ pub(super) fn checks(settings: &Settings) -> Result<Vec<Check>, Error> {
         let r = measure(media(), normal, 10 + k as u64)?;
         let name = format!("half-space, alpha {alpha}, n {eta}: reflected, normal");
         add(&name, "Chandrasekhar 1960", entered * half.albedo(Illumination::Normal), 1e-6, of(&r, "reflected"));
+    }
+
+    // Half-spaces of other scattering.
+    for (k, (alpha, g, eta)) in [(0.9, 0.8, 1.33), (0.99, 0.9, 1.0), (0.8, -0.5, 1.5)].into_iter().enumerate() {
+        let half = Anisotropic::new(g, eta, Illumination::Normal).and_then(|h| h.albedo(alpha));
+        let entered = 1.0 - ((eta - 1.0) / (eta + 1.0)) * ((eta - 1.0) / (eta + 1.0));
+        let r = measure(vec![layer(f64::INFINITY, eta, 1.0 - alpha, alpha, g as f32)], normal, 20 + k as u64)?;
+        let name = format!("half-space, alpha {alpha}, g {g}, n {eta}: reflected, normal");
+        let exact = entered * half.expect("within the domain of the exact solution");
+        add(&name, "discrete ordinates", exact, 1e-5, of(&r, "reflected"));
     }
 
     // A thick conservative slab: Milne's problem.

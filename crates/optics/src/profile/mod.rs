@@ -55,6 +55,7 @@ pub mod photon_beam;
 pub mod published_errors;
 pub mod quantized;
 pub mod single;
+pub mod tabulated;
 
 mod model;
 mod oblique;

@@ -3,23 +3,32 @@
 use super::Profile;
 use super::table::RadialTable;
 
-/// A profile as tables over ln r: R by cubic interpolation of its logarithm, radii by exact inversion of a nearby density.
+/// A profile as tables: R by cubics of its logarithm, radii by exact inversion of a nearby density.
 ///
 /// *Accuracy*: 1e-3 of R between 1e-3 mean free paths and the radius with 1e-9 of the energy beyond it (test); sampling is unbiased whatever
 /// the interpolation: weights are R / density. Negative values of a model are taken as 0 and counted in [`Prepared::negative`].
+///
+/// Cells are equal steps of the significand, so that the bits of a radius name its cell and no logarithm is taken.
 #[derive(Clone, Debug)]
 pub struct Prepared {
     table: RadialTable,
-    first_ln: f64,
-    inverse_step: f64,
-    /// ln R at the nodes, one more before the first and two behind the last.
-    ln_value: Vec<f64>,
+    /// Leading bits of the radius of the first cell.
+    first: u64,
+    /// Coefficients of ln R over the fraction of the cell.
+    cells: Vec<[f64; 4]>,
     total: f64,
     negative: usize,
 }
 
-/// Nodes per octave, those of half the sampling table's distance.
-const PER_OCTAVE: f64 = 16.0;
+/// Bits of the significand that name a cell: 16 cells per octave.
+const CELL_BITS: u32 = 4;
+/// Bits of the fraction within a cell.
+const FRACTION_BITS: u32 = 52 - CELL_BITS;
+
+/// Returns the radius at which a cell begins.
+fn radius(key: u64) -> f64 {
+    f64::from_bits(key << FRACTION_BITS)
+}
 
 impl Prepared {
     /// Bakes a profile.
@@ -27,38 +36,60 @@ impl Prepared {
         let m = profile.medium();
         let length = 1.0 / m.sigma_t().max(m.sigma_t_prime());
         let table = RadialTable::new(length, |r| profile.eval(r));
-        let step = 2f64.ln() / PER_OCTAVE;
-        let first = 1e-4 * length;
-        let last = table.inverse_cdf(1.0 - 1e-12).max(10.0 * first);
-        let nodes = ((last / first).ln() / step).ceil() as usize + 4;
+        let begin = 1e-4 * length;
+        let end = table.inverse_cdf(1.0 - 1e-12).max(10.0 * begin);
+        let (first, last) = (begin.to_bits() >> FRACTION_BITS, (end.to_bits() >> FRACTION_BITS) + 1);
         let mut negative = 0;
-        let ln_value = (0..nodes)
-            .map(|i| {
-                let value = profile.eval(first * (step * (i as f64 - 1.0)).exp());
+        // One node more at either end, for the slopes.
+        let nodes: Vec<[f64; 2]> = (first - 1..=last + 2)
+            .map(|key| {
+                let r = radius(key);
+                let value = profile.eval(r);
                 negative += usize::from(value < 0.0);
-                value.max(f64::MIN_POSITIVE).ln()
+                [r, value.max(f64::MIN_POSITIVE).ln()]
             })
             .collect();
-        Self { table, first_ln: first.ln(), inverse_step: 1.0 / step, ln_value, total: profile.total(), negative }
+        // The slope of the parabola through three nodes; steps double from octave to octave.
+        let slope = |w: &[[f64; 2]]| {
+            let (left, right) = (w[1][0] - w[0][0], w[2][0] - w[1][0]);
+            ((w[1][1] - w[0][1]) / left * right + (w[2][1] - w[1][1]) / right * left) / (left + right)
+        };
+        let cells = nodes
+            .windows(4)
+            .map(|w| {
+                let (step, rise) = (w[2][0] - w[1][0], w[2][1] - w[1][1]);
+                let (p, q) = (step * slope(&w[..3]), step * slope(&w[1..]));
+                [w[1][1], p, 3.0 * rise - 2.0 * p - q, p + q - 2.0 * rise]
+            })
+            .collect();
+        Self { table, first, cells, total: profile.total(), negative }
     }
 
-    /// Returns R(r) \[1/L^2\]; outside the table the end slopes of ln R over ln r continue.
+    /// Returns R(r) \[1/L^2\] for r > 0; outside the table the end slopes of ln R over ln r continue, outwards none that rises.
     #[inline]
     pub fn eval(&self, r: f64) -> f64 {
-        let last = self.ln_value.len() - 4;
-        let x = (r.ln() - self.first_ln) * self.inverse_step;
-        let i = (x.max(0.0) as usize).min(last);
-        let t = x - i as f64;
-        let [a, b, c, d] = [0, 1, 2, 3].map(|k| self.ln_value[i + k]);
-        if t < 0.0 {
-            return (b + t * (c - b)).exp();
-        }
-        if t > 1.0 {
-            return (c + (t - 1.0) * (c - b).min(0.0)).exp();
-        }
-        // Catmull-Rom.
-        let (p, q) = (0.5 * (c - a), 0.5 * (d - b));
-        (b + t * (p + t * (3.0 * (c - b) - 2.0 * p - q + t * (2.0 * (b - c) + p + q)))).exp()
+        let bits = r.to_bits();
+        let i = (bits >> FRACTION_BITS).wrapping_sub(self.first) as usize;
+        let Some([a, b, c, d]) = self.cells.get(i) else {
+            return self.beyond(r);
+        };
+        let t = (bits & ((1 << FRACTION_BITS) - 1)) as f64 * (1.0 / (1u64 << FRACTION_BITS) as f64);
+        (a + t * (b + t * (c + t * d))).exp()
+    }
+
+    /// Returns R outside the table.
+    #[cold]
+    fn beyond(&self, r: f64) -> f64 {
+        let last = self.cells.len() - 1;
+        let key = |i: usize| self.first + i as u64;
+        let inner = r < radius(self.first);
+        let (i, at) = if inner { (0, 0) } else { (last, last + 1) };
+        let (r0, r1) = (radius(key(i)), radius(key(i + 1)));
+        let [a, b, c, d] = self.cells[i];
+        let (y0, y1) = (a, a + b + c + d);
+        let slope = (y1 - y0) / (r1 / r0).ln();
+        let (y, slope) = if inner { (y0, slope) } else { (y1, slope.min(0.0)) };
+        (y + slope * (r / radius(key(at))).ln()).exp()
     }
 
     /// Returns the density of [`Prepared::sample`] per unit radius \[1/L\].

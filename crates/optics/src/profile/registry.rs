@@ -10,7 +10,7 @@ use super::model::build;
 use super::{Info, Prepared, Profile};
 use super::{
     better_dipole, dipole, directional_dipole, dual_beam, gaussian, gaussian_sum, monopole, multipole, normalized,
-    oblique, photon_beam, quantized, single,
+    oblique, photon_beam, quantized, single, tabulated,
 };
 
 /// How a registered model is built.
@@ -78,6 +78,7 @@ pub static MODELS: &[Model] = &[
     model!(normalized::DIFFUSE, normalized::Diffuse),
     model!(normalized::DMFP, normalized::Dmfp),
     model!(single::INFO, single::Single),
+    model!(tabulated::INFO, tabulated::Tabulated),
 ];
 
 /// Returns the model of a name.
