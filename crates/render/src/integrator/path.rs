@@ -1,0 +1,164 @@
+//! Where a path stands, in which bodies and media it is, and how it goes on.
+
+use moonmilk_core::{Vec3, Wavelengths};
+use moonmilk_geometry::{Facing, Hit, NONE, Prim, Ray};
+
+use super::{Counters, Path};
+use crate::interior::Standing;
+use crate::scene::{Object, Scene};
+use crate::texture::TexturePoint;
+
+impl<const N: usize> Path<N> {
+    /// Sends the walker along d, drawn with a density (`None`: specular).
+    pub(super) fn turn(&mut self, d: Vec3, pdf: Option<f32>) {
+        self.walker.d = d;
+        self.walker.direction_pdf = pdf;
+        self.walker.scatter_point = self.walker.p;
+        self.walker.room = 0.0;
+        self.normal = None;
+    }
+
+    /// Puts the walker on the side of a body on which a hit shows it to be: its wall was missed within rounding, or it meets itself.
+    pub(super) fn correct(
+        &mut self,
+        scene: &Scene,
+        object: &Object,
+        hit: &Hit,
+        point: &TexturePoint,
+        wavelengths: &Wavelengths<N>,
+    ) {
+        let before = self.index();
+        if hit.exiting {
+            self.inside.step_into(object, hit.shape, *point);
+        } else {
+            self.inside.leave(hit.shape);
+        }
+        self.medium = self.inside.medium(scene, wavelengths, self.ambient);
+        self.rescale(before);
+    }
+
+    /// Returns the index, against vacuum, of where the walker is.
+    pub(super) fn index(&self) -> f32 {
+        self.inside.bodies().last().map_or(1.0, |b| b.index)
+    }
+
+    /// Scales radiance by the squared index, where it was `before`.
+    pub(super) fn rescale(&mut self, before: f32) {
+        let factor = (before / self.index()).powi(2);
+        self.walker.beta *= factor;
+        self.walker.eta_scale /= factor;
+    }
+
+    /// Moves the walker on by a step and finds out anew what is there; radiance scales with the squared index of that.
+    pub(super) fn free(&mut self, scene: &Scene, step: f32, wavelengths: &Wavelengths<N>) {
+        let before = self.index();
+        self.walker.p += self.walker.d * step;
+        self.walker.room = 0.0;
+        self.standing = Standing::Space;
+        self.inside = scene.nest_at(self.walker.p);
+        self.medium = self.inside.medium(scene, wavelengths, self.ambient);
+        self.rescale(before);
+    }
+
+    /// Notes that the walker stands on a surface and leaves it on the outer or inner side.
+    pub(super) fn stand(&mut self, object: &Object, hit: Hit, outward: bool) {
+        self.standing = match (object.body.is_some(), outward) {
+            (true, true) => Standing::Outside(hit),
+            (true, false) => Standing::Inside(hit),
+            (false, _) => Standing::On(hit),
+        };
+    }
+
+    /// Refracts into the other side: radiance scaling and medium.
+    pub(super) fn transmit(
+        &mut self,
+        scene: &Scene,
+        object: &Object,
+        hit: Hit,
+        point: &TexturePoint,
+        outward: bool,
+        eta: f32,
+        wavelengths: &Wavelengths<N>,
+        counters: &mut Counters,
+    ) {
+        let factor = if outward { eta * eta } else { 1.0 / (eta * eta) };
+        self.walker.beta *= factor;
+        self.walker.eta_scale /= factor;
+        self.change_medium(scene, object, hit, point, outward, wavelengths, counters);
+    }
+
+    /// Puts the walker on the outer or inner side of an object.
+    pub(super) fn change_medium(
+        &mut self,
+        scene: &Scene,
+        object: &Object,
+        hit: Hit,
+        point: &TexturePoint,
+        outward: bool,
+        wavelengths: &Wavelengths<N>,
+        counters: &mut Counters,
+    ) {
+        self.walker.room = 0.0;
+        if object.body.is_some() {
+            counters.left += u64::from(outward);
+            counters.entered += u64::from(!outward);
+            self.cross_body(scene, hit.shape, outward, point, wavelengths);
+        } else {
+            self.medium = scene.medium_beyond(object, outward, point, wavelengths, self.medium);
+            if self.inside.bodies().is_empty() {
+                self.ambient = self.medium;
+            }
+        }
+        self.stand(object, hit, outward);
+    }
+
+    /// Puts the walker into or out of a body.
+    pub(super) fn cross_body(
+        &mut self,
+        scene: &Scene,
+        shape: u32,
+        outward: bool,
+        point: &TexturePoint,
+        wavelengths: &Wavelengths<N>,
+    ) {
+        self.inside.cross(scene, shape, outward, point, wavelengths, &mut self.medium, &mut self.ambient);
+    }
+}
+
+impl Standing {
+    /// Returns the ray for a flight outside closed bodies.
+    #[inline]
+    pub(crate) fn ray(&self, scene: &Scene, p: Vec3, d: Vec3) -> Ray {
+        let ray = Ray::new(p, d);
+        match self {
+            Standing::Space => ray,
+            Standing::On(hit) | Standing::Through(hit) => ray.from_prim(hit.prim),
+            Standing::Outside(hit) => match scene.objects[hit.shape as usize].body {
+                Some(body) => ray.from_prim(hit.prim).facing(Facing::Entering(body)),
+                None => ray.from_prim(hit.prim),
+            },
+            Standing::Inside(hit) => match scene.objects[hit.shape as usize].body {
+                Some(body) => ray.from_prim(hit.prim).facing(Facing::Exiting(body)),
+                None => ray.from_prim(hit.prim),
+            },
+        }
+    }
+
+    /// Returns the ray for a flight inside an object.
+    #[inline]
+    pub(crate) fn ray_inside(&self, scene: &Scene, inside: Option<u32>, p: Vec3, d: Vec3) -> Ray {
+        match inside.and_then(|i| scene.objects[i as usize].body) {
+            Some(body) => Ray::new(p, d).from_prim(self.prim()).facing(Facing::Exiting(body)),
+            None => self.ray(scene, p, d),
+        }
+    }
+
+    /// Returns the primitive stood on, or `NONE`.
+    #[inline]
+    pub(crate) fn prim(&self) -> Prim {
+        match self {
+            Standing::Space => NONE,
+            Standing::On(h) | Standing::Through(h) | Standing::Outside(h) | Standing::Inside(h) => h.prim,
+        }
+    }
+}

@@ -1,0 +1,235 @@
+//! What a path does at a surface.
+
+use moonmilk_core::{Random, Sampler, Wavelengths};
+use moonmilk_geometry::{Hit, Surface};
+
+use super::{Counters, Integrator, Light, Path, SURE_BOUNCES, balance};
+use crate::bsdf::boundary::branches;
+use crate::bsdf::{Bsdf, Crossing, Kind};
+use crate::connect;
+use crate::interior::Standing;
+use crate::nest::Meeting;
+use crate::scene::{Boundary, Scene};
+use crate::texture::TexturePoint;
+use crate::touch::{self, Arrival};
+
+impl Integrator {
+    /// Handles the arrival at a surface, or at that of several at one place which comes first; returns whether the path goes on.
+    pub(super) fn surface<const N: usize>(
+        &self,
+        scene: &Scene,
+        path: &mut Path<N>,
+        hit: Hit,
+        surface: &Surface,
+        wavelengths: &Wavelengths<N>,
+        rng: &mut Sampler,
+        light: &mut Light<N>,
+        counters: &mut Counters,
+    ) -> bool {
+        match touch::arrival(scene, &path.inside, &hit, surface, path.walker.d) {
+            Arrival::This => self.meet(scene, path, hit, surface, wavelengths, rng, light, counters),
+            Arrival::Other(other, surface) => {
+                path.walker.p = surface.p;
+                self.meet(scene, path, other, &surface, wavelengths, rng, light, counters)
+            }
+            Arrival::Ghost => {
+                path.standing = Standing::Through(hit);
+                true
+            }
+        }
+    }
+
+    /// Handles a surface that is met; returns whether the path goes on.
+    pub(super) fn meet<const N: usize>(
+        &self,
+        scene: &Scene,
+        path: &mut Path<N>,
+        hit: Hit,
+        surface: &Surface,
+        wavelengths: &Wavelengths<N>,
+        rng: &mut Sampler,
+        light: &mut Light<N>,
+        counters: &mut Counters,
+    ) -> bool {
+        let object = &scene.objects[hit.shape as usize];
+        let wo = -path.walker.d;
+        let escape = path.escape.take();
+
+        let point = TexturePoint { p: surface.p, n: surface.ng, uv: surface.uv };
+        if object.body.is_some() && hit.exiting != path.inside.contains(hit.shape) {
+            counters.contrary += 1;
+            path.correct(scene, object, &hit, &point, wavelengths);
+        }
+
+        // Let rays through what is cut out.
+        let cut_out = object.alpha.is_some_and(|a| {
+            let alpha = scene.textures.eval_float(a, &point);
+            alpha < 1.0 && rng.uniform() >= alpha
+        });
+        if cut_out {
+            path.standing = Standing::Through(hit);
+            return true;
+        }
+
+        // Add what the surface emits, shared with light sampling.
+        if let Some(l) = scene.lights.light_of(hit.shape, hit.index) {
+            let radiance = scene.lights.emitted(l, surface.uv, surface.ng, wo, wavelengths);
+            if !radiance.is_black() {
+                let share = match (path.walker.direction_pdf, escape) {
+                    (Some(pdf), _) => {
+                        balance(pdf, scene.lights.pdf_hit(path.walker.scatter_point, path.normal, l, surface.p))
+                    }
+                    (None, Some(escape)) if object.alpha.is_none() => escape.share(scene, wavelengths, counters),
+                    (None, _) => 1.0,
+                };
+                light.add(path.walker.collisions, path.walker.beta * radiance * share);
+            }
+        }
+
+        // Pass what is not there: walls of fibres from inside, mere interfaces, boundaries within a body of higher rank, and between equal indices.
+        let meeting = match object.body {
+            Some(_) => path.inside.meet(object, hit.shape, hit.exiting),
+            None => Meeting::True(1.0),
+        };
+        if object.is_open_to_light(meeting) || (object.fibre && wo.dot(surface.ng) < 0.0) {
+            path.change_medium(scene, object, hit, &point, path.walker.d.dot(surface.ng) > 0.0, wavelengths, counters);
+            return true;
+        }
+        let outer = if let Meeting::True(outer) = meeting { outer } else { 1.0 };
+        if !path.seen {
+            path.seen = true;
+            light.normal = surface.ns;
+            light.depth = hit.t;
+            light.albedo = scene.albedo(object, surface, &point, wavelengths);
+        }
+        if self.max_depth.is_some_and(|m| path.depth >= m) {
+            return false;
+        }
+        path.depth += 1;
+
+        // Cross smooth refractive boundaries by the reciprocal rule.
+        if let Boundary::Smooth { eta } = object.boundary {
+            let eta = eta / outer;
+            let surface = &Surface { ns: scene.boundary_normal(object, surface), ..*surface };
+            let outcome = if std::mem::take(&mut path.whole) {
+                self.split(scene, path, hit, surface, eta, wavelengths, rng, light, counters)
+            } else {
+                crate::bsdf::cross(wo, surface.ng, surface.ns, eta, rng)
+            };
+            match outcome {
+                Crossing::Reflected(d) => {
+                    path.turn(d, None);
+                    path.stand(object, hit, wo.dot(surface.ng) > 0.0);
+                }
+                Crossing::Transmitted(d) => {
+                    path.turn(d, None);
+                    path.transmit(scene, object, hit, &point, wo.dot(surface.ng) <= 0.0, eta, wavelengths, counters);
+                }
+            }
+            return self.survives(path, rng);
+        }
+
+        // Every other surface has a BSDF.
+        let mut bsdf =
+            scene.materials.resolve(object.material, &scene.textures, surface, &point, wavelengths, rng.uniform());
+        if let (Bsdf::Dielectric(d), true) = (&mut bsdf.bsdf, outer != 1.0) {
+            d.eta /= outer;
+        }
+        if bsdf.bsdf.wavelength_dependent() {
+            path.walker.beta *= Wavelengths::<N>::hero_only();
+        }
+        let both_sides = bsdf.bsdf.transmits();
+        if !bsdf.bsdf.is_specular() {
+            let n = (!both_sides).then_some(if wo.dot(surface.ng) > 0.0 { surface.ng } else { -surface.ng });
+            connect::at_surface(scene, path, object, hit, surface, &point, &bsdf, n, wavelengths, rng, light, counters);
+        }
+        let (uc, u) = (rng.uniform(), rng.uniform2());
+        let Some(s) = bsdf.sample(wo, uc, u) else {
+            return false;
+        };
+        path.walker.beta *= s.weight(bsdf.cos(s.wi));
+        if path.walker.beta.is_black() {
+            return false;
+        }
+        // Coats sample by a random walk: what competes with light sampling is their density as light sampling knows it.
+        let pdf = if matches!(bsdf.bsdf, Bsdf::Layered(_)) { bsdf.pdf(wo, s.wi) } else { s.pdf };
+        path.turn(s.wi, (!s.specular).then_some(pdf));
+        path.normal = (!both_sides).then_some(if wo.dot(surface.ng) > 0.0 { surface.ng } else { -surface.ng });
+        let outward = s.wi.dot(surface.ng) > 0.0;
+        if s.kind == Kind::Transmission {
+            // The BSDF has applied the radiance factor; only the bookkeeping of roulette and media remains.
+            path.walker.eta_scale *= s.eta * s.eta;
+            path.change_medium(scene, object, hit, &point, outward, wavelengths, counters);
+        } else {
+            path.stand(object, hit, outward);
+        }
+        self.survives(path, rng)
+    }
+
+    /// Follows the reflected branch of the camera's first smooth boundary with its probability as weight, and leaves the other to
+    /// the caller: a bright mirror image seen by one sample in twenty would be most of a pixel's noise.
+    fn split<const N: usize>(
+        &self,
+        scene: &Scene,
+        path: &mut Path<N>,
+        hit: Hit,
+        surface: &Surface,
+        eta: f32,
+        wavelengths: &Wavelengths<N>,
+        rng: &mut Sampler,
+        light: &mut Light<N>,
+        counters: &mut Counters,
+    ) -> Crossing {
+        let wo = -path.walker.d;
+        let branches = branches(wo, surface.ng, surface.ns, eta);
+        let is_reflected = |c: &Crossing| matches!(c, Crossing::Reflected(_));
+        let share = |reflected| branches.iter().filter(|b| is_reflected(&b.1) == reflected).map(|b| b.0).sum::<f32>();
+        let (reflected, transmitted) = (share(true), share(false));
+        // Choose among the outcomes of one kind in proportion to their probabilities.
+        let pick = |kind: bool, total: f32, u: f32| {
+            let mut left = u * total;
+            let mut last = None;
+            for (p, c) in branches.iter().filter(|b| is_reflected(&b.1) == kind && b.0 > 0.0) {
+                last = Some(*c);
+                left -= p;
+                if left < 0.0 {
+                    break;
+                }
+            }
+            last
+        };
+        let (u, v) = (rng.uniform(), rng.uniform());
+        match (pick(true, reflected, u), pick(false, transmitted, v)) {
+            (Some(Crossing::Reflected(d)), Some(other)) => {
+                let mut mirror = path.clone();
+                mirror.walker.beta *= reflected;
+                mirror.turn(d, None);
+                mirror.stand(&scene.objects[hit.shape as usize], hit, wo.dot(surface.ng) > 0.0);
+                mirror.bounces += 1;
+                let start = mirror.walker.collisions;
+                self.follow(scene, &mut mirror, wavelengths, rng, light, counters);
+                counters.collisions += u64::from(mirror.walker.collisions - start);
+                path.walker.beta *= transmitted;
+                other
+            }
+            (Some(only), _) | (None, Some(only)) => only,
+            // Probabilities sum to 1, so that some outcome is possible.
+            (None, None) => crate::bsdf::cross(wo, surface.ng, surface.ns, eta, rng),
+        }
+    }
+
+    /// Ends paths of little weight, keeping the mean.
+    pub(super) fn survives<const N: usize>(&self, path: &mut Path<N>, rng: &mut Sampler) -> bool {
+        path.bounces += 1;
+        if path.bounces <= SURE_BOUNCES {
+            return true;
+        }
+        match self.roulette.play(path.walker.beta.max_value() * path.walker.eta_scale, rng) {
+            Some(factor) => {
+                path.walker.beta *= factor;
+                true
+            }
+            None => false,
+        }
+    }
+}
