@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""Scenes of many things: 1000 instances of a translucent object (10^8 triangles), and 10 000 lights.
+"""Scenes of many things: 1000 instances of a translucent object (10^8 triangles), 10 000 lights, a medium of 262 144 equal voxels.
 
-    cargo build --release && python3 benches/many.py [instances] [lights] [--keep DIR] [--spp N] [--program PATH]
+    cargo build --release && python3 benches/many.py [instances] [lights] [grid] [--keep DIR] [--spp N] [--program PATH]
 
 Generates each scene with many things and with a single one, renders both and compares time per sample (CPU seconds of the
 whole process, set-up taken off by a render of one sample less) and peak memory. Exit code 4 if many cost more than three
@@ -106,6 +106,21 @@ def lights(folder):
     return "lights-one.pbrt", "lights-many.pbrt", f"10 000 lights over {faces} triangles"
 
 
+def grid(folder):
+    """Returns names of the scenes with a homogeneous ball, and with the same medium as a grid of equal voxels."""
+    n = 64
+    shell = ('AttributeBegin Translate 0 0 .42 Material "interface" MediumInterface "inside" ""\n'
+             'Shape "sphere" "float radius" .4 AttributeEnd\n')
+    start = head((0, -3, 1.6), (0, 0, 0.42), 24) + SKY + GROUND
+    common = '"rgb sigma_a" [ .2 .5 1 ] "rgb sigma_s" [ 20 20 20 ] "float g" .3\n'
+    (folder / "grid-one.pbrt").write_text(start + 'MakeNamedMedium "inside" "string type" "homogeneous" ' + common + shell)
+    voxels = " ".join(["1"] * n**3)
+    (folder / "grid-many.pbrt").write_text(
+        start + f'MakeNamedMedium "inside" "string type" "uniformgrid" "integer nx" {n} "integer ny" {n} "integer nz" {n} '
+        f'"point3 p0" [ -.5 -.5 -.1 ] "point3 p1" [ .5 .5 .9 ] "float density" [ {voxels} ] ' + common + shell)
+    return "grid-one.pbrt", "grid-many.pbrt", f"a grid of {n}^3 equal voxels against a homogeneous medium"
+
+
 def run(program, folder, scene, spp, out):
     """Returns CPU seconds and peak bytes of a render."""
     args = [program, "render", str(folder / scene), "--spp", str(spp), "-o", str(folder / out), "-q"]
@@ -120,7 +135,7 @@ def run(program, folder, scene, spp, out):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", nargs="*", choices=[[], "instances", "lights"], default=[])
+    parser.add_argument("what", nargs="*", choices=[[], "instances", "lights", "grid"], default=[])
     parser.add_argument("--keep", type=pathlib.Path, help="folder that keeps scenes and pictures")
     parser.add_argument("--spp", type=int, default=8)
     parser.add_argument("--program", default="target/release/moonmilk")
@@ -129,7 +144,7 @@ def main():
     with tempfile.TemporaryDirectory() as temporary:
         folder = options.keep or pathlib.Path(temporary)
         folder.mkdir(parents=True, exist_ok=True)
-        for name, make in {"instances": instances, "lights": lights}.items():
+        for name, make in {"instances": instances, "lights": lights, "grid": grid}.items():
             if options.what and name not in options.what:
                 continue
             one, many, title = make(folder)
