@@ -39,7 +39,7 @@ pub fn run(a: &Render, bar: bool) -> Outcome {
         prepare(&path)?;
     }
     let crop = crop(a, d)?;
-    let scene = build(d, a.open)?;
+    let scene = build(d, a.open, &a.subsurface)?;
     let integrator = integrator(a, d);
     if let Some(pixel) = a.pixel {
         return replay::run(a, d, &scene, &integrator, pixel);
@@ -166,7 +166,9 @@ pub fn warn(warnings: &[Warning]) {
 }
 
 /// Builds the scene and prints its warnings.
-pub fn build(d: &SceneDescription, open: Option<Open>) -> Result<Scene, Failure> {
+///
+/// `subsurface` is `path` for exact walks, or the name of a model.
+pub fn build(d: &SceneDescription, open: Option<Open>, subsurface: &str) -> Result<Scene, Failure> {
     let open = match open {
         None => OpenPolicy::Refuse,
         Some(Open::Cap) => OpenPolicy::Cap,
@@ -177,7 +179,11 @@ pub fn build(d: &SceneDescription, open: Option<Open>) -> Result<Scene, Failure>
             ));
         }
     };
-    let (scene, warnings) = Scene::new(d, &SceneOptions { open }).map_err(|e| {
+    let model = match subsurface {
+        "path" => None,
+        name => Some(moonmilk_optics::profile::find(name).map_err(|e| Failure::Usage(e.to_string()))?),
+    };
+    let (scene, warnings) = Scene::new(d, &SceneOptions { open, model }).map_err(|e| {
         let help = if matches!(e, moonmilk_render::scene::SceneError::Open { .. }) {
             " (--open cap or --open kill renders it all the same)"
         } else {

@@ -50,6 +50,7 @@ pub fn statistics(done: &Done, scene: &Scene) -> Result<(), Failure> {
             "closed bodies       {} entered, {} left, {} ended inside, {} set back, {} lost",
             c.entered, c.left, c.ended_inside, c.rescued, c.lost
         ),
+        format!("profiles            {} ways through bodies that a model renders", c.probes),
         format!("sides               {} hits contrary to the known side", c.contrary),
         format!("invalid, endless    {invalid}, {}", c.endless),
         format!("scene               {:.1} MB", scene.memory() as f64 / 1e6),

@@ -40,7 +40,7 @@ pub fn run(bar: bool) -> Outcome {
     [film.width, film.height] = SIZE;
     film.crop = [0, SIZE[0], 0, SIZE[1]];
     let d = &loaded.scene;
-    let scene = render::build(d, None)?;
+    let scene = render::build(d, None, "path")?;
     let integrator = Integrator {
         seed: d.sampler.seed,
         wavelengths: WavelengthMode::Hero,

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use moonmilk_core::wavelengths::WavelengthMode;
+use moonmilk_optics::profile::{MODELS, find};
 use moonmilk_render::film::Aov;
 
 use crate::args::{AovList, MaxDepth, Unit};
@@ -10,36 +11,22 @@ use crate::args::{AovList, MaxDepth, Unit};
 /// Longest time that is accepted \[s\]: a year.
 const LONGEST: f64 = 3.2e7;
 
-/// Names of the ways to solve the inside, in the order of the design; the first is available.
-const SUBSURFACE: [&str; 18] = [
-    "path",
-    "tabulated",
-    "gaussian",
-    "gaussian-sum",
-    "monopole",
-    "dipole",
-    "better-dipole",
-    "quantized",
-    "photon-beam",
-    "normalized",
-    "multipole",
-    "directional-dipole",
-    "dual-beam",
-    "hybrid",
-    "similarity-1",
-    "similarity-3",
-    "jump-shifted",
-    "diffusion",
-];
+/// Names of the ways to solve the inside that the design has and this version lacks.
+const PLANNED: [&str; 5] = ["hybrid", "similarity-1", "similarity-3", "jump-shifted", "diffusion"];
 const WALKS: [&str; 4] = ["classic", "jump", "guided", "auto"];
 
-/// Returns the name of a way to solve the inside.
+/// Returns the name of a way to solve the inside: `path`, or a model of the registry.
 pub fn subsurface(s: &str) -> Result<String, String> {
-    match s {
-        "path" => Ok(s.into()),
-        _ if SUBSURFACE.contains(&s) => Err(format!("\"{s}\" is planned but not in this version; available: path")),
-        _ => Err(format!("there is no \"{s}\"; did you mean \"{}\"? (available: path)", nearest(s, &SUBSURFACE))),
+    if s == "path" || find(s).is_ok() {
+        return Ok(s.into());
     }
+    let available = ["path"].into_iter().chain(MODELS.iter().map(|m| m.info.name));
+    let list = available.clone().collect::<Vec<_>>().join(", ");
+    if PLANNED.contains(&s) {
+        return Err(format!("\"{s}\" is planned but not in this version; available: {list}"));
+    }
+    let nearest = moonmilk_core::spectra::nearest(s, available.chain(PLANNED));
+    Err(format!("there is no \"{s}\"; did you mean \"{nearest}\"? (available: {list})"))
 }
 
 /// Returns the name of a policy of the walk.
@@ -191,10 +178,13 @@ mod tests {
         assert!(interval("-1").is_err() && interval("never").is_err());
         assert!((fraction("2%").expect("valid") - 0.02).abs() < 1e-15);
         assert!(fraction("0").is_err() && crop("1,1,0,2").is_err() && range("5..5").is_err());
-        assert_eq!(
-            subsurface("photn-beam").expect_err("unknown"),
-            "there is no \"photn-beam\"; did you mean \"photon-beam\"? (available: path)"
+        let unknown = subsurface("photn-beam").expect_err("unknown");
+        assert!(
+            unknown
+                .starts_with("there is no \"photn-beam\"; did you mean \"photon-beam\"? (available: path, gaussian, ")
         );
+        assert!(subsurface("hybrid").expect_err("planned").contains("planned"));
+        assert_eq!(subsurface("photon-beam").as_deref(), Ok("photon-beam"));
         assert_eq!(aovs("depth,albedo").expect("valid").0, vec![Aov::Albedo, Aov::Depth]);
     }
 }

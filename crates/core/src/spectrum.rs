@@ -10,6 +10,12 @@ use std::ops::{Add, AddAssign, Div, DivAssign, Index, Mul, MulAssign, Sub};
 pub struct Spectrum<const N: usize>(pub [f32; N]);
 
 impl<const N: usize> Spectrum<N> {
+    /// Returns the spectrum whose lane i is f(i).
+    #[inline]
+    pub fn from_fn(f: impl FnMut(usize) -> f32) -> Self {
+        Self(array::from_fn(f))
+    }
+
     /// All lanes zero.
     pub const ZERO: Self = Self([0.0; N]);
     /// All lanes one.

@@ -48,7 +48,8 @@ pub fn scene(data: &[u8], others: &[(&str, Vec<u8>)]) -> bool {
     };
     match load_with(&files, MAIN, &options) {
         Ok(loaded) if !syntax_only => {
-            let built = Scene::new(&loaded.scene, &SceneOptions { open: OpenPolicy::Cap }).is_ok();
+            let built =
+                Scene::new(&loaded.scene, &SceneOptions { open: OpenPolicy::Cap, ..Default::default() }).is_ok();
             if built && loaded.scene.shapes.len() < 100 {
                 // A scene that can be built may still be one that nothing can be said of.
                 let _ = doctor::examine(&loaded.scene);

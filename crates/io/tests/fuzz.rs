@@ -86,8 +86,8 @@ fn told(list: &[String], what: &str) {
 /// Warnings of reading and building a scene that is accepted.
 fn warnings(text: &str, others: &[(&str, Vec<u8>)]) -> Vec<String> {
     let loaded = load(text, others).unwrap_or_else(|e| panic!("{e}"));
-    let (_, more) =
-        Scene::new(&loaded.scene, &SceneOptions { open: OpenPolicy::Refuse }).unwrap_or_else(|e| panic!("{e}"));
+    let (_, more) = Scene::new(&loaded.scene, &SceneOptions { open: OpenPolicy::Refuse, ..Default::default() })
+        .unwrap_or_else(|e| panic!("{e}"));
     loaded.warnings.iter().chain(&more).map(|w| w.message.clone()).collect()
 }
 
@@ -171,7 +171,8 @@ fn triangles_without_area_and_triangles_that_stand_twice_are_told() {
     // A mesh of nothing but such triangles is an error.
     let flat =
         load("WorldBegin\n Shape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 2 0 0]", &[]).expect("it can be read");
-    let error = Scene::new(&flat.scene, &SceneOptions { open: OpenPolicy::Refuse }).expect_err("no area");
+    let error =
+        Scene::new(&flat.scene, &SceneOptions { open: OpenPolicy::Refuse, ..Default::default() }).expect_err("no area");
     assert!(error.to_string().starts_with("scene.pbrt:2:2: ") && error.to_string().contains("1 degenerate"), "{error}");
 }
 

@@ -103,6 +103,8 @@ pub struct Counters {
     pub contrary: u64,
     /// Paths given up after 2^24 events.
     pub endless: u64,
+    /// Ways through bodies that a profile renders.
+    pub probes: u64,
 }
 
 impl Counters {
@@ -122,6 +124,7 @@ impl Counters {
             lost,
             contrary,
             endless,
+            probes,
         } = o;
         self.paths += paths;
         self.collisions += collisions;
@@ -136,6 +139,7 @@ impl Counters {
         self.lost += lost;
         self.contrary += contrary;
         self.endless += endless;
+        self.probes += probes;
     }
 }
 
@@ -197,9 +201,10 @@ impl Integrator {
             whole: true,
             escape: None,
         };
-        let start = path.walker.collisions;
+        let (start, probes) = (path.walker.collisions, counters.probes);
         self.follow(scene, &mut path, wavelengths, rng, light, counters);
-        counters.collisions += u64::from(path.walker.collisions - start);
+        // A profile counts as two collisions of the light.
+        counters.collisions += u64::from(path.walker.collisions - start) - 2 * (counters.probes - probes);
     }
 
     /// Follows a path to its end.

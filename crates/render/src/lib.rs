@@ -5,6 +5,7 @@
 //! ([`session::sample`]).
 
 pub mod bsdf;
+mod bssrdf;
 pub mod camera;
 mod connect;
 pub mod description;

@@ -1,16 +1,19 @@
 //! A scene ready to be traced.
 
 mod instances;
+mod models;
 mod objects;
 
 use std::sync::{Arc, OnceLock};
 
 use moonmilk_core::{Spectrum, Vec3, Wavelengths};
 use moonmilk_geometry::{Accel, Body, Bounds, Facing, Hit, Ray, Room, Surface};
+use moonmilk_optics::profile::Model;
 use moonmilk_walk::Medium;
 use thiserror::Error;
 
 use crate::bsdf::boundary::near;
+use crate::bssrdf::Bank;
 use crate::camera::Camera;
 use crate::description::{FloatTextureId, MediumId, Place, SceneDescription, Warning};
 use crate::filter::Filter;
@@ -27,9 +30,10 @@ use objects::finish_objects;
 const CLEARANCE_CELLS: usize = 1 << 21;
 
 /// What to do with open meshes around a medium.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum OpenPolicy {
     /// Refuse the scene, naming mesh and edges.
+    #[default]
     Refuse,
     /// Close holes with flat caps.
     Cap,
@@ -38,10 +42,12 @@ pub enum OpenPolicy {
 }
 
 /// Settings of the making of a scene.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct SceneOptions {
     /// Open meshes around a medium.
     pub open: OpenPolicy,
+    /// The model that renders translucent bodies; `None` for exact walks inside.
+    pub model: Option<&'static Model>,
 }
 
 /// Why a scene cannot be rendered.
@@ -97,6 +103,18 @@ pub enum SceneError {
     /// A light is not usable.
     #[error(transparent)]
     Light(#[from] LightError),
+    /// The model cannot render a body.
+    #[error("{place}: {name}: the model {model} cannot render it: {reason}")]
+    Model {
+        /// Where it was said.
+        place: Place,
+        /// The shape.
+        name: String,
+        /// The model.
+        model: &'static str,
+        /// What it rejects.
+        reason: String,
+    },
     /// A material is not usable.
     #[error(transparent)]
     Material(#[from] MaterialError),
@@ -172,15 +190,29 @@ pub struct Object {
     pub volume: f64,
     /// How far rounding may move its walls and those of objects that it may touch \[length\]; 0 if there are none.
     pub touch: f32,
+    /// Number of the profiles that render it, if it is not walked through.
+    bank: Option<u32>,
+    /// Number of the set of bodies that act as one with it.
+    set: u32,
+    /// Box around them.
+    pub common: Bounds,
     room: OnceLock<Room>,
 }
 
 impl Object {
+    /// Returns whether light that leaves this body may have entered another one.
+    #[inline]
+    pub(crate) fn is_one_with(&self, other: &Object) -> bool {
+        self.set == other.set
+    }
+
     /// Returns whether light goes straight through the surface where it meets it so.
     #[inline]
     pub(crate) fn is_open_to_light(&self, meeting: Meeting) -> bool {
         match meeting {
             Meeting::False => true,
+            // What is inside of it is in its profile.
+            Meeting::True(_) if self.bank.is_some() => false,
             Meeting::True(outer) => match self.boundary {
                 Boundary::Interface => true,
                 Boundary::Smooth { eta } => eta / outer == 1.0,
@@ -216,6 +248,7 @@ pub struct Scene {
     /// The file's limit of bounces.
     pub max_depth: u32,
     media: Vec<SceneMedium>,
+    banks: Vec<Bank>,
 }
 
 impl Scene {
@@ -242,6 +275,10 @@ impl Scene {
         let accel = instances::accelerate(d, shapes, groups, &places)?;
         let points: Vec<Vec3> = d.lights.iter().filter_map(lights::position).collect();
         finish_objects(&mut objects, &accel, d, &points);
+        let banks = match options.model {
+            Some(model) => models::choose(model, d, &mut objects, &mut warnings)?,
+            None => vec![],
+        };
         let bodies = (0..objects.len())
             .filter(|&i| objects[i].hollow && objects[i].body.is_some())
             .fold(Bounds::EMPTY, |all, i| all.union(accel.shape_bounds(i as u32)));
@@ -258,10 +295,17 @@ impl Scene {
             eye: (Vec3::NAN, 0.0, Nest::default()),
             max_depth: d.integrator.max_depth,
             media,
+            banks,
         };
         let eye = scene.camera.origin();
         scene.eye = (eye, scene.free_radius(eye), scene.nest_at(eye));
         Ok((scene, warnings))
+    }
+
+    /// Returns the profiles that render an object, if it is not walked through.
+    #[inline]
+    pub(crate) fn bank(&self, object: &Object) -> Option<&Bank> {
+        object.bank.map(|i| &self.banks[i as usize])
     }
 
     /// Returns a medium at the wavelengths of a path; `None` if it is empty.

@@ -68,16 +68,22 @@ impl Prepared {
     /// Returns R(r) \[1/L^2\] for r > 0; outside the table the end slopes of ln R over ln r continue, outwards none that rises.
     #[inline]
     pub fn eval(&self, r: f64) -> f64 {
+        self.ln_eval(r).exp()
+    }
+
+    /// Returns ln R(r), as [`Prepared::eval`]: what to interpolate between media.
+    #[inline]
+    pub fn ln_eval(&self, r: f64) -> f64 {
         let bits = r.to_bits();
         let i = (bits >> FRACTION_BITS).wrapping_sub(self.first) as usize;
         let Some([a, b, c, d]) = self.cells.get(i) else {
             return self.beyond(r);
         };
         let t = (bits & ((1 << FRACTION_BITS) - 1)) as f64 * (1.0 / (1u64 << FRACTION_BITS) as f64);
-        (a + t * (b + t * (c + t * d))).exp()
+        a + t * (b + t * (c + t * d))
     }
 
-    /// Returns R outside the table.
+    /// Returns ln R outside the table.
     #[cold]
     fn beyond(&self, r: f64) -> f64 {
         let last = self.cells.len() - 1;
@@ -89,7 +95,7 @@ impl Prepared {
         let (y0, y1) = (a, a + b + c + d);
         let slope = (y1 - y0) / (r1 / r0).ln();
         let (y, slope) = if inner { (y0, slope) } else { (y1, slope.min(0.0)) };
-        (y + slope * (r / radius(key(at))).ln()).exp()
+        y + slope * (r / radius(key(at))).ln()
     }
 
     /// Returns the density of [`Prepared::sample`] per unit radius \[1/L\].

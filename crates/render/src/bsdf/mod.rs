@@ -22,6 +22,7 @@
 pub mod boundary;
 pub mod conductor;
 pub mod dielectric;
+pub mod entry;
 pub mod ggx;
 pub mod hair;
 pub mod lambert;
@@ -97,6 +98,8 @@ pub enum Bsdf<const N: usize> {
     Layered(Layered<N>),
     /// A fibre of hair, x along it.
     Hair(Hair<N>),
+    /// Where light enters a body that a profile renders.
+    Entry(entry::Entry),
 }
 
 impl<const N: usize> Bsdf<N> {
@@ -114,6 +117,7 @@ impl<const N: usize> Bsdf<N> {
             Self::Conductor(b) => b.eval(wo, wi),
             Self::Layered(b) => b.eval(wo, wi),
             Self::Hair(b) => b.eval(wo, wi),
+            Self::Entry(b) => Spectrum::splat(b.eval(wo, wi)),
         }
     }
 
@@ -133,6 +137,7 @@ impl<const N: usize> Bsdf<N> {
             Self::Conductor(b) => b.pdf(wo, wi),
             Self::Layered(b) => b.pdf(wo, wi),
             Self::Hair(b) => b.pdf(wo, wi),
+            Self::Entry(b) => b.pdf(wo, wi),
         }
     }
 
@@ -150,6 +155,7 @@ impl<const N: usize> Bsdf<N> {
             Self::Conductor(b) => b.sample(wo, u),
             Self::Layered(b) => b.sample(wo, uc, u),
             Self::Hair(b) => b.sample(wo, uc, u),
+            Self::Entry(b) => Some(b.sample(wo, u)),
         };
         // Grazing directions and vanishing densities end the path instead of dividing by zero.
         s.filter(|s| s.pdf > 0.0 && s.wi.z != 0.0 && s.f.is_finite() && !s.f.is_black())
@@ -159,7 +165,7 @@ impl<const N: usize> Bsdf<N> {
     #[inline]
     pub fn is_specular(&self) -> bool {
         match self {
-            Self::Diffuse(_) | Self::DiffuseTransmission(_) | Self::Hair(_) => false,
+            Self::Diffuse(_) | Self::DiffuseTransmission(_) | Self::Hair(_) | Self::Entry(_) => false,
             Self::Dielectric(b) => b.rough().is_none(),
             Self::ThinDielectric(_) => true,
             Self::Conductor(b) => b.ggx.is_none(),
@@ -189,7 +195,7 @@ impl<const N: usize> Bsdf<N> {
         match self {
             Self::Diffuse(b) => b.reflectance.map(one),
             Self::DiffuseTransmission(b) => (b.reflectance + b.transmittance).map(one),
-            Self::Dielectric(_) | Self::ThinDielectric(_) => Spectrum::ONE,
+            Self::Dielectric(_) | Self::ThinDielectric(_) | Self::Entry(_) => Spectrum::ONE,
             Self::Conductor(b) => b.fresnel(1.0),
             Self::Hair(b) => b.albedo().map(one),
             Self::Layered(b) => match b.base {

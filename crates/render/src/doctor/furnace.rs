@@ -147,7 +147,7 @@ fn alone(d: &SceneDescription, body: &Body, kind: MediumKind, radiance: f32) -> 
             medium: None,
         });
     }
-    let (scene, _) = Scene::new(&alone, &SceneOptions { open: OpenPolicy::Kill })?;
+    let (scene, _) = Scene::new(&alone, &SceneOptions { open: OpenPolicy::Kill, ..Default::default() })?;
     Ok(Alone { scene, center: bounds.center(), reach: 0.5005 * f64::from(bounds.extent().length()) })
 }
 

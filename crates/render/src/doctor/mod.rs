@@ -212,7 +212,7 @@ fn first_instances(d: &SceneDescription) -> (SceneDescription, Vec<usize>) {
 ///
 /// *Errors*: what makes the scene unusable altogether, as [`Scene::new`] has it; open meshes are findings here.
 pub fn examine(d: &SceneDescription) -> Result<Report, SceneError> {
-    let (scene, _) = Scene::new(d, &SceneOptions { open: OpenPolicy::Kill })?;
+    let (scene, _) = Scene::new(d, &SceneOptions { open: OpenPolicy::Kill, ..Default::default() })?;
     let (flat, times) = first_instances(d);
     let d = &flat;
     let shapes = d.shapes.iter().map(|s| build_shape(s, &mut Vec::new())).collect::<Result<Vec<_>, _>>()?;

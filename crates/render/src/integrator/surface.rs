@@ -1,15 +1,17 @@
 //! What a path does at a surface.
 
-use moonmilk_core::{Random, Sampler, Wavelengths};
+use moonmilk_core::{Frame, Random, Sampler, Wavelengths};
 use moonmilk_geometry::{Hit, Surface};
+use moonmilk_walk::Medium;
 
 use super::{Counters, Integrator, Light, Path, SURE_BOUNCES, balance};
 use crate::bsdf::boundary::branches;
-use crate::bsdf::{Bsdf, Crossing, Kind};
+use crate::bsdf::{Bsdf, Crossing, Kind, Shaded};
+use crate::bssrdf::{self, Bank};
 use crate::connect;
 use crate::interior::Standing;
 use crate::nest::Meeting;
-use crate::scene::{Boundary, Scene};
+use crate::scene::{Boundary, Object, Scene};
 use crate::texture::TexturePoint;
 use crate::touch::{self, Arrival};
 
@@ -96,6 +98,8 @@ impl Integrator {
             return true;
         }
         let outer = if let Meeting::True(outer) = meeting { outer } else { 1.0 };
+        // A body that a model renders is a surface to light from outside.
+        let bank = if hit.exiting { None } else { scene.bank_at(object, &point, wavelengths) };
         if !path.seen {
             path.seen = true;
             light.normal = surface.ns;
@@ -121,12 +125,30 @@ impl Integrator {
                     path.turn(d, None);
                     path.stand(object, hit, wo.dot(surface.ng) > 0.0);
                 }
+                Crossing::Transmitted(_) if bank.is_some() => {
+                    return self.leave_by_profile(
+                        scene,
+                        path,
+                        object,
+                        surface,
+                        bank,
+                        wavelengths,
+                        rng,
+                        light,
+                        counters,
+                    );
+                }
                 Crossing::Transmitted(d) => {
                     path.turn(d, None);
                     path.transmit(scene, object, hit, &point, wo.dot(surface.ng) <= 0.0, eta, wavelengths, counters);
                 }
             }
             return self.survives(path, rng);
+        }
+
+        // An index-matched body has no boundary besides its profile.
+        if bank.is_some() && matches!(object.boundary, Boundary::Interface) {
+            return self.leave_by_profile(scene, path, object, surface, bank, wavelengths, rng, light, counters);
         }
 
         // Every other surface has a BSDF.
@@ -150,6 +172,11 @@ impl Integrator {
         path.walker.beta *= s.weight(bsdf.cos(s.wi));
         if path.walker.beta.is_black() {
             return false;
+        }
+        if bank.is_some() && s.kind == Kind::Transmission {
+            // What got in: without the factor of radiance, which the way out takes back.
+            path.walker.beta *= s.eta * s.eta;
+            return self.leave_by_profile(scene, path, object, surface, bank, wavelengths, rng, light, counters);
         }
         // Coats sample by a random walk: what competes with light sampling is their density as light sampling knows it.
         let pdf = if matches!(bsdf.bsdf, Bsdf::Layered(_)) { bsdf.pdf(wo, s.wi) } else { s.pdf };
@@ -206,9 +233,9 @@ impl Integrator {
                 mirror.turn(d, None);
                 mirror.stand(&scene.objects[hit.shape as usize], hit, wo.dot(surface.ng) > 0.0);
                 mirror.bounces += 1;
-                let start = mirror.walker.collisions;
+                let (start, probes) = (mirror.walker.collisions, counters.probes);
                 self.follow(scene, &mut mirror, wavelengths, rng, light, counters);
-                counters.collisions += u64::from(mirror.walker.collisions - start);
+                counters.collisions += u64::from(mirror.walker.collisions - start) - 2 * (counters.probes - probes);
                 path.walker.beta *= transmitted;
                 other
             }
@@ -216,6 +243,49 @@ impl Integrator {
             // Probabilities sum to 1, so that some outcome is possible.
             (None, None) => crate::bsdf::cross(wo, surface.ng, surface.ns, eta, rng),
         }
+    }
+
+    /// Goes on where the light entered that leaves the body here, by the body's profile; returns whether the path goes on.
+    fn leave_by_profile<const N: usize>(
+        &self,
+        scene: &Scene,
+        path: &mut Path<N>,
+        object: &Object,
+        surface: &Surface,
+        bank: Option<(&Bank, Medium<N>)>,
+        wavelengths: &Wavelengths<N>,
+        rng: &mut Sampler,
+        light: &mut Light<N>,
+        counters: &mut Counters,
+    ) -> bool {
+        let Some((bank, medium)) = bank else {
+            return false;
+        };
+        let Some(entered) = bssrdf::enter(scene, bank, object, surface.p, surface.ng, &medium, &path.walker.beta, rng)
+        else {
+            return false;
+        };
+        let (hit, surface) = (entered.hit, entered.surface);
+        let object = &scene.objects[hit.shape as usize];
+        let point = TexturePoint { p: surface.p, n: surface.ng, uv: surface.uv };
+        path.walker.beta *= entered.weight;
+        // Scattered many times.
+        path.walker.collisions += 2;
+        counters.probes += 1;
+        path.walker.p = surface.p;
+        path.walker.d = -surface.ng;
+        path.stand(object, hit, true);
+        let bsdf = Shaded { bsdf: Bsdf::Entry(bank.entry), frame: Frame::new(surface.ns), ng: surface.ng };
+        let n = Some(surface.ng);
+        connect::at_surface(scene, path, object, hit, &surface, &point, &bsdf, n, wavelengths, rng, light, counters);
+        let (uc, u) = (rng.uniform(), rng.uniform2());
+        let Some(s) = bsdf.sample(surface.ng, uc, u) else {
+            return false;
+        };
+        path.walker.beta *= s.weight(bsdf.cos(s.wi));
+        path.turn(s.wi, Some(s.pdf));
+        path.normal = n;
+        self.survives(path, rng)
     }
 
     /// Ends paths of little weight, keeping the mean.

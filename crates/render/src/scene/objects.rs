@@ -146,6 +146,9 @@ pub(super) fn build_object(
             ),
         volume,
         touch: 0.0,
+        bank: None,
+        set: u32::MAX,
+        common: Bounds::EMPTY,
         room: OnceLock::new(),
     };
     Ok((shape, object))

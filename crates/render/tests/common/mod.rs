@@ -261,7 +261,9 @@ impl World {
     }
 
     pub fn scene(&self) -> Scene {
-        Scene::new(&self.0, &SceneOptions { open: OpenPolicy::Refuse }).expect("a scene of the tests is valid").0
+        Scene::new(&self.0, &SceneOptions { open: OpenPolicy::Refuse, ..Default::default() })
+            .expect("a scene of the tests is valid")
+            .0
     }
 
     pub fn tracer(&self) -> Tracer {

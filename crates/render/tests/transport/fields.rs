@@ -373,7 +373,10 @@ fn faults_of_fields_are_named_with_their_place() {
     let error = |grid: DensityGrid| {
         let mut world = World::new();
         world.medium_of(MediumKind::Densities(Box::new(grid)));
-        let options = moonmilk_render::scene::SceneOptions { open: moonmilk_render::scene::OpenPolicy::Refuse };
+        let options = moonmilk_render::scene::SceneOptions {
+            open: moonmilk_render::scene::OpenPolicy::Refuse,
+            ..Default::default()
+        };
         moonmilk_render::scene::Scene::new(&world.0, &options).expect_err("a fault").to_string()
     };
     let mut negative = good();

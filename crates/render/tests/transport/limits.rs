@@ -75,7 +75,7 @@ fn a_limit_of_bounces_only_ever_darkens_and_is_kept() {
 }
 
 fn build(world: &World, open: OpenPolicy) -> Result<Scene, SceneError> {
-    Scene::new(&world.0, &SceneOptions { open }).map(|s| s.0)
+    Scene::new(&world.0, &SceneOptions { open, ..Default::default() }).map(|s| s.0)
 }
 
 #[test]

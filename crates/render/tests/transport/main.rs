@@ -16,6 +16,7 @@ mod instances;
 mod limits;
 mod nested;
 mod path_length;
+mod profiles;
 mod reciprocity;
 mod scale;
 mod touching;
