@@ -253,8 +253,8 @@ mod tests {
 
     #[test]
     fn banks_hold_the_profiles_of_all_albedos() {
-        // Off the nodes; where r^2 R is above 1e-5 of its maximum. Bounds are measured, rounded up.
-        for name in ["dipole", "photon-beam", "normalized", "gaussian-sum"] {
+        // Off the nodes; where r^2 R is above 1e-5 of its maximum. Bounds are measured, rounded up; Gaussians are steepest far out.
+        for (name, bound) in [("dipole", 5e-4), ("photon-beam", 5e-4), ("normalized", 5e-4), ("gaussian-sum", 1e-2)] {
             let model = find(name).unwrap();
             let bank = Bank::new(model, 0.3, 1.4).unwrap();
             let (mut worst, mut total) = (0.0f64, 0.0f64);
@@ -275,7 +275,7 @@ mod tests {
                 total = total.max((sum / exact.total() - 1.0).abs());
                 println!("{name}, alpha {alpha}: pointwise {worst:.2e}, total {total:.2e}");
             }
-            assert!(worst < 5e-3 && total < 1e-3, "{name}: pointwise {worst}, total {total}");
+            assert!(worst < bound && total < 2e-4, "{name}: pointwise {worst}, total {total}");
         }
     }
 
