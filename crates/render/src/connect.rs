@@ -137,7 +137,8 @@ pub(crate) fn transmittance<const N: usize>(
         });
         // Out of fibres light passes, too.
         let leaves = object.fibre && wi.dot(surface.ng) > 0.0;
-        if !cut_out && !leaves && !object.is_open_to_light(at.inside.meet(object, hit.shape, hit.exiting)) {
+        if !cut_out && !leaves && !object.is_open_to_light(at.inside.meet(object, hit.shape, hit.exiting), hit.exiting)
+        {
             return Passage::BLOCKED;
         }
         passage.pass(scene, at.medium.as_ref(), at.p, wi, t, wavelengths, rng, counters);

@@ -204,7 +204,8 @@ impl Integrator {
         let (start, probes) = (path.walker.collisions, counters.probes);
         self.follow(scene, &mut path, wavelengths, rng, light, counters);
         // A profile counts as two collisions of the light.
-        counters.collisions += u64::from(path.walker.collisions - start) - 2 * (counters.probes - probes);
+        counters.collisions += u64::from(path.walker.collisions - start);
+        counters.collisions -= 2 * (counters.probes - probes);
     }
 
     /// Follows a path to its end.

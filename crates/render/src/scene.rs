@@ -208,11 +208,11 @@ impl Object {
 
     /// Returns whether light goes straight through the surface where it meets it so.
     #[inline]
-    pub(crate) fn is_open_to_light(&self, meeting: Meeting) -> bool {
+    pub(crate) fn is_open_to_light(&self, meeting: Meeting, exiting: bool) -> bool {
         match meeting {
             Meeting::False => true,
             // What is inside of it is in its profile.
-            Meeting::True(_) if self.bank.is_some() => false,
+            Meeting::True(_) if self.bank.is_some() && !exiting => false,
             Meeting::True(outer) => match self.boundary {
                 Boundary::Interface => true,
                 Boundary::Smooth { eta } => eta / outer == 1.0,

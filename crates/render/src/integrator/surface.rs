@@ -93,7 +93,7 @@ impl Integrator {
             Some(_) => path.inside.meet(object, hit.shape, hit.exiting),
             None => Meeting::True(1.0),
         };
-        if object.is_open_to_light(meeting) || (object.fibre && wo.dot(surface.ng) < 0.0) {
+        if object.is_open_to_light(meeting, hit.exiting) || (object.fibre && wo.dot(surface.ng) < 0.0) {
             path.change_medium(scene, object, hit, &point, path.walker.d.dot(surface.ng) > 0.0, wavelengths, counters);
             return true;
         }
@@ -233,9 +233,9 @@ impl Integrator {
                 mirror.turn(d, None);
                 mirror.stand(&scene.objects[hit.shape as usize], hit, wo.dot(surface.ng) > 0.0);
                 mirror.bounces += 1;
-                let (start, probes) = (mirror.walker.collisions, counters.probes);
+                let start = mirror.walker.collisions;
                 self.follow(scene, &mut mirror, wavelengths, rng, light, counters);
-                counters.collisions += u64::from(mirror.walker.collisions - start) - 2 * (counters.probes - probes);
+                counters.collisions += u64::from(mirror.walker.collisions - start);
                 path.walker.beta *= transmitted;
                 other
             }
