@@ -332,6 +332,12 @@ impl Integrator {
                         path.walker.p = surface.p;
                         self.surface(scene, path, hit, &surface, wavelengths, rng, light, counters)
                     }
+                    // Look anew where a walk is whose body was left unnoticed: by a chord shorter than rounding, where bodies cross.
+                    None if path.inside.innermost().is_some_and(|i| !scene.nest_at(path.walker.p).contains(i)) => {
+                        counters.rescued += 1;
+                        path.free(scene, 0.0, wavelengths);
+                        true
+                    }
                     None => {
                         counters.lost += 1;
                         // What no wall ever stops sees the environment through the medium: black for scattering media.

@@ -91,6 +91,19 @@ fn crossing_bodies_share_the_path_length_of_their_union_by_who_is_there() {
     }
 }
 
+#[test]
+fn a_path_that_left_a_body_unnoticed_finds_out_where_it_is() {
+    // Found among 2.6e6: where the balls cross, this path cuts one over a length that rounding swallows, and leaves the other into it.
+    let unit = ball(1.0);
+    let mut world = pair([(&unit, 1.5, Some(2)), (&unit, 1.33, Some(1))]);
+    show(&mut world, 1);
+    let tracer = world.tracer();
+    let (o, d) = uniform_ray(31, 1_117_536, REACH);
+    tracer.radiance(1_117_536, o, d);
+    let c = tracer.counters();
+    assert!(c.rescued == 1 && c.lost == 0, "{c:?}");
+}
+
 /// Reflectance at normal incidence.
 fn fresnel(n: f64) -> f64 {
     ((n - 1.0) / (n + 1.0)).powi(2)
