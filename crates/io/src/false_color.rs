@@ -40,6 +40,34 @@ pub fn magma(value: f32) -> [f32; 3] {
     std::array::from_fn(|c| MAGMA[i][c] * (1.0 - f) + MAGMA[i + 1][c] * f)
 }
 
+/// Nine evenly spaced sRGB codes from -1 to 1: blue over white to red.
+///
+/// *Source*: C. Brewer's scheme RdBu of nine classes, reversed (colorbrewer2.org, Apache 2.0); its hues are told apart with any colour vision.
+const BLUE_RED: [[u8; 3]; 9] = [
+    [33, 102, 172],
+    [67, 147, 195],
+    [146, 197, 222],
+    [209, 229, 240],
+    [247, 247, 247],
+    [253, 219, 199],
+    [244, 165, 130],
+    [214, 96, 77],
+    [178, 24, 43],
+];
+
+/// Returns the sRGB-coded colour of a signed value: blue for -1, white for 0, red for 1; values beyond count as -1 or 1.
+///
+/// What is not a number becomes green, a colour that the map does not contain.
+pub fn blue_red(value: f32) -> [f32; 3] {
+    if value.is_nan() {
+        return [0.0, 1.0, 0.0];
+    }
+    let at = (value.clamp(-1.0, 1.0) + 1.0) * 4.0;
+    let i = (at as usize).min(7);
+    let f = at - i as f32;
+    std::array::from_fn(|c| (f32::from(BLUE_RED[i][c]) * (1.0 - f) + f32::from(BLUE_RED[i + 1][c]) * f) / 255.0)
+}
+
 /// Returns the map as a picture: channels `R G B`, linear, so that a PNG of it shows the colours of [`magma`].
 ///
 /// `white` is the value shown as the brightest colour; FLIP uses 1.
@@ -63,6 +91,16 @@ mod tests {
         for i in 0..1000 {
             assert!(luminance((i + 1) as f32 / 1000.0) > luminance(i as f32 / 1000.0), "{i}");
         }
+    }
+
+    #[test]
+    fn signed_values_are_white_in_the_middle_blue_below_and_red_above() {
+        assert_eq!(blue_red(0.0), [247.0 / 255.0; 3]);
+        for i in 1..=20 {
+            let (low, high) = (blue_red(-0.05 * i as f32), blue_red(0.05 * i as f32));
+            assert!(low[2] > low[0] && high[0] > high[2], "{i}");
+        }
+        assert_eq!((blue_red(-9.0), blue_red(9.0), blue_red(f32::NAN)[1]), (blue_red(-1.0), blue_red(1.0), 1.0));
     }
 
     #[test]

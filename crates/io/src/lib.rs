@@ -9,6 +9,7 @@
 //! | checkpoints of a film | [`checkpoint`] | [`checkpoint`] |
 //!
 //! [`metrics`] compares two [`image::Picture`]s: mean ratio, squared errors, [`flip`], and the z-tests of [`ztest`] where variances are known.
+//! [`mod@split`] parts the error of a picture that comes in halves into bias and variance; [`sheet`] lays pictures out on one.
 //! [`showcase`] is the built-in scene.
 //!
 //! *Input is not trusted.* No file makes the reader panic or reserve memory for more than its bytes can hold; a problem names file, line and
@@ -28,6 +29,8 @@ pub mod pbrt;
 pub mod plot;
 pub mod ply;
 pub mod png;
+pub mod sheet;
 pub mod showcase;
+pub mod split;
 pub mod texture;
 pub mod ztest;

@@ -65,12 +65,12 @@ pub struct ProfilePlot {
 /// Why a plot could not be drawn.
 #[derive(Clone, Debug, thiserror::Error)]
 #[error("the plot could not be drawn: {0}")]
-pub struct PlotError(String);
+pub struct PlotError(pub(crate) String);
 
 /// Size in pixels.
 const SIZE: (u32, u32) = (1400, 1000);
 /// Family of all text.
-const FONT: &str = "DejaVu Sans";
+pub(crate) const FONT: &str = "DejaVu Sans";
 /// Ratios shown lie between this and its inverse.
 const RATIO: f64 = 2.0;
 /// Decades of R below its largest value that are shown.
@@ -116,7 +116,7 @@ pub fn png(plot: &ProfilePlot) -> Result<Vec<u8>, PlotError> {
 }
 
 /// Returns pixels as a PNG file.
-fn encode_png(pixels: &[u8], size: (u32, u32)) -> Result<Vec<u8>, PlotError> {
+pub(crate) fn encode_png(pixels: &[u8], size: (u32, u32)) -> Result<Vec<u8>, PlotError> {
     let mut bytes = Vec::new();
     image::codecs::png::PngEncoder::new(&mut bytes)
         .write_image(pixels, size.0, size.1, ExtendedColorType::Rgb8)
@@ -124,7 +124,7 @@ fn encode_png(pixels: &[u8], size: (u32, u32)) -> Result<Vec<u8>, PlotError> {
     Ok(bytes)
 }
 
-fn register_font() {
+pub(crate) fn register_font() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| {
         for (style, bytes) in [(FontStyle::Normal, dejavu::sans::regular()), (FontStyle::Bold, dejavu::sans::bold())] {

@@ -19,6 +19,7 @@ pub mod material;
 mod media;
 pub mod nest;
 pub mod scene;
+pub mod seen;
 pub mod session;
 mod snag;
 pub mod texture;

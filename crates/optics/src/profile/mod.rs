@@ -44,6 +44,7 @@ pub mod better_dipole;
 pub mod bssrdf;
 pub mod dipole;
 pub mod directional_dipole;
+pub mod distance;
 pub mod dual_beam;
 pub mod gaussian;
 pub mod gaussian_sum;
@@ -64,6 +65,7 @@ mod registry;
 pub mod table;
 
 pub use bssrdf::{Bssrdf, Placement};
+pub use distance::{Distance, distance};
 pub use model::{RadialModel, Slopes};
 pub use prepared::Prepared;
 pub use registry::{MODELS, Model, find};
