@@ -7,6 +7,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use moonmilk_core::wavelengths::WavelengthMode;
 use moonmilk_render::film::Aov;
 
+use crate::compare::args::Compare;
 use crate::lab_args::{ProfileArgs, Simulate, Validate};
 use crate::values;
 
@@ -18,6 +19,7 @@ Examples:
   moonmilk render a.pbrt --time 5m         for five minutes
   moonmilk render a.pbrt --resume          goes on with an interrupted run
   moonmilk render a.pbrt --resume --spp 512  goes on to more samples
+  moonmilk compare a.pbrt --time 60s       which model of subsurface scattering is good enough
   moonmilk check a.pbrt                    why objects are black, dull or endless
   moonmilk diff a.exr reference.exr        how two pictures differ, and whether by more than noise
 
@@ -53,6 +55,8 @@ pub enum LogFormat {
 pub enum Command {
     /// Render a pbrt-v4 scene.
     Render(Box<Render>),
+    /// Render a scene by several models of subsurface scattering and exactly, and report which one is good enough at what cost.
+    Compare(Box<Compare>),
     /// Compare two pictures: mean ratio, MSE, relMSE, FLIP, z-test where variances are known; error picture.
     Diff(Diff),
     /// Plot R(r) of subsurface models against Monte Carlo, with a table of their errors.

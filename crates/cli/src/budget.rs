@@ -65,6 +65,17 @@ impl Budget {
     }
 }
 
+impl Budget {
+    /// Returns the budget as people say it.
+    pub fn words(&self) -> String {
+        match self {
+            Self::Samples(n) => format!("{n} samples per pixel"),
+            Self::Time(t) => format!("{} s", t.as_secs_f64()),
+            Self::Error(e) => format!("error {} %", 100.0 * e),
+        }
+    }
+}
+
 impl fmt::Display for Budget {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

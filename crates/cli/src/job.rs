@@ -30,18 +30,18 @@ const JUDGED_EVERY: Duration = Duration::from_secs(2);
 const SHOWN_EVERY: Duration = Duration::from_secs(1);
 
 /// Where and when checkpoints are written.
-pub struct Checkpoint {
+pub struct Checkpoint<'a> {
     /// The file.
     pub path: PathBuf,
-    /// The text recorded in it.
-    pub settings: String,
+    /// Returns the text recorded in it, given the time spent in this run.
+    pub record: Box<dyn Fn(Duration) -> String + Sync + 'a>,
     /// Time between two; `None` for one at the end alone.
     pub every: Option<Duration>,
 }
 
-impl Checkpoint {
-    fn save(&self, film: &Film) -> Result<(), CheckpointError> {
-        checkpoint::save(&self.path, &self.settings, film)
+impl Checkpoint<'_> {
+    fn save(&self, film: &Film, elapsed: Duration) -> Result<(), CheckpointError> {
+        checkpoint::save(&self.path, &(self.record)(elapsed), film)
     }
 }
 
@@ -56,7 +56,7 @@ pub struct Job<'a> {
     /// When it is done.
     pub budget: Budget,
     /// Checkpoints, if any.
-    pub checkpoint: Option<Checkpoint>,
+    pub checkpoint: Option<Checkpoint<'a>>,
     /// Factor on the finished picture.
     pub factor: f32,
 }
@@ -162,7 +162,7 @@ impl Job<'_> {
         if display.is_open() {
             display.show(&self.film.develop(self.factor));
         }
-        let saved = self.checkpoint.as_ref().map_or(Ok(()), |c| c.save(self.film));
+        let saved = self.checkpoint.as_ref().map_or(Ok(()), |c| c.save(self.film, elapsed));
         let Ok((statistics, complete)) = outcome else {
             let fate = match &saved {
                 Ok(()) if self.checkpoint.is_some() => "; the checkpoint holds what was done".into(),
@@ -202,7 +202,7 @@ impl Job<'_> {
             if let Some(c) = &self.checkpoint
                 && c.every.is_some_and(|every| saved.elapsed() >= every)
             {
-                if let Err(e) = c.save(self.film) {
+                if let Err(e) = c.save(self.film, shared.start.elapsed()) {
                     tracing::warn!("{e}; rendering goes on without this checkpoint");
                 }
                 saved = Instant::now();

@@ -3,6 +3,7 @@
 mod args;
 mod budget;
 mod check;
+mod compare;
 mod diff;
 mod display;
 mod failure;
@@ -42,6 +43,7 @@ fn main() -> ExitCode {
     let result = match &cli.command {
         None => showcase::run(bar),
         Some(Command::Render(a)) => render::run(a, bar),
+        Some(Command::Compare(a)) => compare::run(a, bar),
         Some(Command::Diff(a)) => diff::run(a),
         Some(Command::Merge(a)) => merge::run(a),
         Some(Command::Models(a)) => models::run(a),

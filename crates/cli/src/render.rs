@@ -21,12 +21,7 @@ use crate::{Outcome, output, replay, report};
 
 /// Runs the command; `bar` allows a progress bar.
 pub fn run(a: &Render, bar: bool) -> Outcome {
-    if let Some(n) = a.threads {
-        rayon::ThreadPoolBuilder::new()
-            .num_threads(n as usize)
-            .build_global()
-            .map_err(|e| Failure::Run(format!("cannot start {n} threads: {e}")))?;
-    }
+    use_threads(a.threads)?;
     // What is named on the command line is checked before a large scene is read.
     if let Some(path) = &a.output {
         prepare(path)?;
@@ -38,7 +33,7 @@ pub fn run(a: &Render, bar: bool) -> Outcome {
     if a.pixel.is_none() && a.output.is_none() {
         prepare(&path)?;
     }
-    let crop = crop(a, d)?;
+    let crop = crop(a.crop, d)?;
     let scene = build(d, a.open, &a.subsurface)?;
     let integrator = integrator(a, d);
     if let Some(pixel) = a.pixel {
@@ -49,7 +44,7 @@ pub fn run(a: &Render, bar: bool) -> Outcome {
     if !aovs.is_empty() && output::format(&path) == Some(output::Format::Png) {
         tracing::warn!("a PNG file holds no layers; those of --aov are in the checkpoint alone");
     }
-    let settings = Settings::new(&loaded, &integrator, a, crop, aovs);
+    let settings = Settings::new(&loaded, &integrator, &a.subsurface, a.open, crop, aovs);
     let checkpoint_path = output::checkpoint_path(&path);
     let asked = match (a.samples, a.spp, a.time, a.error) {
         (Some((_, end)), ..) => Some(Budget::Samples(end)),
@@ -66,6 +61,7 @@ pub fn run(a: &Render, bar: bool) -> Outcome {
         (Film::new([d.film.width, d.film.height], crop, first, aovs), asked.unwrap_or(by_scene))
     };
 
+    let recorded = settings.record(&budget);
     let job = Job {
         scene: &scene,
         integrator: &integrator,
@@ -73,7 +69,7 @@ pub fn run(a: &Render, bar: bool) -> Outcome {
         budget,
         checkpoint: Some(Checkpoint {
             path: checkpoint_path.clone(),
-            settings: settings.record(&budget),
+            record: Box::new(|_| recorded.clone()),
             every: Some(a.checkpoint_every).filter(|t| !t.is_zero()),
         }),
         factor: settings.factor(),
@@ -115,6 +111,15 @@ pub fn run(a: &Render, bar: bool) -> Outcome {
     Ok(())
 }
 
+/// Makes all rendering use a number of threads.
+pub fn use_threads(threads: Option<u64>) -> Outcome {
+    let Some(n) = threads else {
+        return Ok(());
+    };
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(n as usize).build_global();
+    pool.map_err(|e| Failure::Run(format!("cannot start {n} threads: {e}")))
+}
+
 /// Checks that a picture and its checkpoint can be written, and tidies up after a killed run.
 fn prepare(path: &Path) -> Outcome {
     output::require_format(path)?;
@@ -144,8 +149,9 @@ fn integrator(a: &Render, d: &SceneDescription) -> Integrator {
     }
 }
 
-fn crop(a: &Render, d: &SceneDescription) -> Result<[u32; 4], Failure> {
-    match a.crop {
+/// Returns the part of the picture to render: the one asked for, which must be within, or the file's.
+pub fn crop(asked: Option<[u32; 4]>, d: &SceneDescription) -> Result<[u32; 4], Failure> {
+    match asked {
         Some(c) if c[1] > d.film.width || c[3] > d.film.height => Err(Failure::Usage(format!(
             "--crop ends beyond the picture of {} x {} pixels",
             d.film.width, d.film.height
@@ -169,6 +175,13 @@ pub fn warn(warnings: &[Warning]) {
 ///
 /// `subsurface` is `path` for exact walks, or the name of a model.
 pub fn build(d: &SceneDescription, open: Option<Open>, subsurface: &str) -> Result<Scene, Failure> {
+    let (scene, warnings) = make(d, open, subsurface)?;
+    warn(&warnings);
+    Ok(scene)
+}
+
+/// Builds the scene; also returns its warnings.
+pub fn make(d: &SceneDescription, open: Option<Open>, subsurface: &str) -> Result<(Scene, Vec<Warning>), Failure> {
     let open = match open {
         None => OpenPolicy::Refuse,
         Some(Open::Cap) => OpenPolicy::Cap,
@@ -183,16 +196,14 @@ pub fn build(d: &SceneDescription, open: Option<Open>, subsurface: &str) -> Resu
         "path" => None,
         name => Some(moonmilk_optics::profile::find(name).map_err(|e| Failure::Usage(e.to_string()))?),
     };
-    let (scene, warnings) = Scene::new(d, &SceneOptions { open, model }).map_err(|e| {
+    Scene::new(d, &SceneOptions { open, model }).map_err(|e| {
         let help = if matches!(e, moonmilk_render::scene::SceneError::Open { .. }) {
             " (--open cap or --open kill renders it all the same)"
         } else {
             ""
         };
         Failure::Input(format!("{e}{help}"))
-    })?;
-    warn(&warnings);
-    Ok(scene)
+    })
 }
 
 /// Returns the picture to write: the one asked for, or the scene's in the current folder.

@@ -10,27 +10,33 @@ use crate::output;
 
 /// Warns of everything that the picture alone does not show.
 pub fn warnings(done: &Done, film: &Film) {
+    sentences(done, film).iter().for_each(|s| tracing::warn!("{s}"));
+}
+
+/// Returns everything to be warned of that the picture alone does not show.
+pub fn sentences(done: &Done, film: &Film) -> Vec<String> {
+    let mut told = Vec::new();
     let Statistics { counters: c, invalid, examples, .. } = &done.statistics;
     if *invalid > 0 {
         let list: Vec<String> = examples
             .iter()
             .map(|e| format!("pixel {},{} sample {} ({:?})", e.pixel[0], e.pixel[1], e.sample, e.rgb))
             .collect();
-        tracing::warn!(
+        told.push(format!(
             "{invalid} samples were not finite or beyond 2^24 and count as 0; replay one with --pixel X,Y --samples N..N+1: {}",
             list.join("; ")
-        );
+        ));
     }
     if c.lost > 0 || c.endless > 0 {
-        tracing::warn!(
+        told.push(format!(
             "{} paths left through holes of their object and {} never ended; their light is missing",
-            c.lost,
-            c.endless
-        );
+            c.lost, c.endless
+        ));
     }
     if output::levels(film)[0] == 0 {
-        tracing::warn!("parts of the picture are black: there was no time for a first sample");
+        told.push("parts of the picture are black: there was no time for a first sample".into());
     }
+    told
 }
 
 /// Prints all figures on standard output.

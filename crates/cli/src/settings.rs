@@ -6,7 +6,7 @@ use moonmilk_render::film::Aov;
 use moonmilk_render::integrator::Integrator;
 use serde_json::{Map, Value, json};
 
-use crate::args::Render;
+use crate::args::Open;
 use crate::budget::Budget;
 
 /// Key of the budget in a checkpoint: recorded, but free to change.
@@ -18,7 +18,14 @@ pub struct Settings(Map<String, Value>);
 
 impl Settings {
     /// Returns the settings of a render.
-    pub fn new(loaded: &Loaded, integrator: &Integrator, a: &Render, crop: [u32; 4], aovs: &[Aov]) -> Self {
+    pub fn new(
+        loaded: &Loaded,
+        integrator: &Integrator,
+        subsurface: &str,
+        open: Option<Open>,
+        crop: [u32; 4],
+        aovs: &[Aov],
+    ) -> Self {
         let wavelengths = match integrator.wavelengths {
             WavelengthMode::Hero => "hero".into(),
             WavelengthMode::Rgb => "rgb".into(),
@@ -30,11 +37,11 @@ impl Settings {
             ("scene", json!(hash)),
             ("seed", json!(integrator.seed.to_string())),
             ("wavelengths", json!(wavelengths)),
-            ("subsurface", json!(a.subsurface)),
+            ("subsurface", json!(subsurface)),
             // Names the estimator, not the request: auto is classic in this version.
             ("walk", json!("classic")),
             ("max_depth", json!(integrator.max_depth.map_or_else(|| "none".into(), |d| d.to_string()))),
-            ("open", json!(a.open.map_or_else(|| "refuse".into(), |o| format!("{o:?}").to_lowercase()))),
+            ("open", json!(open.map_or_else(|| "refuse".into(), |o| format!("{o:?}").to_lowercase()))),
             ("crop", json!(crop)),
             ("aov", json!(aovs.iter().map(|a| a.name()).collect::<Vec<_>>())),
             ("factor", json!(loaded.scene.film.imaging_ratio)),
@@ -53,6 +60,14 @@ impl Settings {
     pub fn record(&self, budget: &Budget) -> String {
         let mut map = self.0.clone();
         map.insert(BUDGET.into(), json!(budget.to_string()));
+        Value::Object(map).to_string()
+    }
+
+    /// Returns the text for a checkpoint, with more entries of an object that are not compared.
+    pub fn record_with(&self, budget: &Budget, more: &Value) -> String {
+        let mut map = self.0.clone();
+        map.insert(BUDGET.into(), json!(budget.to_string()));
+        map.extend(more.as_object().cloned().unwrap_or_default());
         Value::Object(map).to_string()
     }
 

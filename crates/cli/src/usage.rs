@@ -11,7 +11,7 @@ use crate::args::{Cli, LogFormat};
 use crate::start_logging;
 
 /// Commands of the design that are not in this version.
-const PLANNED: &[&str] = &["compare", "solve", "fit"];
+const PLANNED: &[&str] = &["solve", "fit"];
 
 /// Returns the command line, or the exit code after help, version or an error was printed.
 pub fn parse() -> Result<Cli, ExitCode> {
@@ -78,7 +78,7 @@ mod tests {
     fn scenes_without_a_command_are_told_how_to_be_rendered() {
         let text = advice(&words("--spp 4 ball.pbrt -o x.exr")).expect("advice");
         assert!(text.contains("moonmilk render --spp 4 ball.pbrt -o x.exr"), "{text}");
-        assert!(advice(&words("compare a.exr b.exr")).is_some_and(|t| t.contains("planned")));
+        assert!(advice(&words("solve heat.toml")).is_some_and(|t| t.contains("planned")));
         assert!(advice(&words("render ball.pbrt --spp x")).is_none() && advice(&words("rendr")).is_none());
     }
 }

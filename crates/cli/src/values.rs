@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use moonmilk_core::wavelengths::WavelengthMode;
-use moonmilk_optics::profile::{MODELS, find};
+use moonmilk_optics::profile::MODELS;
 use moonmilk_render::film::Aov;
 
 use crate::args::{AovList, MaxDepth, Unit};
@@ -15,12 +15,36 @@ const LONGEST: f64 = 3.2e7;
 const PLANNED: [&str; 5] = ["hybrid", "similarity-1", "similarity-3", "jump-shifted", "diffusion"];
 const WALKS: [&str; 4] = ["classic", "jump", "guided", "auto"];
 
+/// Returns the names of all ways to solve the inside that this version has.
+pub fn subsurface_names() -> impl Iterator<Item = &'static str> + Clone {
+    ["path"].into_iter().chain(MODELS.iter().map(|m| m.info.name))
+}
+
+/// Names of ways to solve the inside; `None` stands for all.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SubsurfaceList(pub Option<Vec<String>>);
+
+/// Returns names separated by commas, each once, or `all`.
+pub fn subsurface_list(s: &str) -> Result<SubsurfaceList, String> {
+    if s == "all" {
+        return Ok(SubsurfaceList(None));
+    }
+    let mut names = Vec::new();
+    for name in s.split(',') {
+        let name = subsurface(name.trim()).map_err(|e| format!("{e}; or all"))?;
+        if !names.contains(&name) {
+            names.push(name);
+        }
+    }
+    Ok(SubsurfaceList(Some(names)))
+}
+
 /// Returns the name of a way to solve the inside: `path`, or a model of the registry.
 pub fn subsurface(s: &str) -> Result<String, String> {
-    if s == "path" || find(s).is_ok() {
+    let available = subsurface_names();
+    if available.clone().any(|name| name == s) {
         return Ok(s.into());
     }
-    let available = ["path"].into_iter().chain(MODELS.iter().map(|m| m.info.name));
     let list = available.clone().collect::<Vec<_>>().join(", ");
     if PLANNED.contains(&s) {
         return Err(format!("\"{s}\" is planned but not in this version; available: {list}"));

@@ -8,6 +8,7 @@ mod common;
 mod bodies;
 mod budgets;
 mod check;
+mod compare;
 mod display;
 mod errors;
 mod exactness;

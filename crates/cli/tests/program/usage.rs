@@ -55,7 +55,7 @@ fn a_scene_without_a_command_is_told_the_command() {
         assert_eq!(r.code, Some(2));
         assert!(r.stderr.contains(&format!("moonmilk render {arguments}\n")), "{arguments}: {}", r.stderr);
     }
-    let r = f.run("compare scene.pbrt");
+    let r = f.run("solve scene.pbrt");
     assert!(r.stderr.contains("moonmilk render") || r.stderr.contains("planned"), "{}", r.stderr);
     let r = f.run("rendr scene.png");
     assert!(r.code == Some(2) && r.stderr.contains("render"), "{}", r.stderr);
@@ -65,7 +65,7 @@ fn a_scene_without_a_command_is_told_the_command() {
 fn help_and_version_are_data() {
     let f = scene();
     let help = f.succeed("--help");
-    for word in ["render", "diff", "merge", "showcase", "Examples:", "Exit codes", "--log-format"] {
+    for word in ["render", "compare", "diff", "merge", "showcase", "Examples:", "Exit codes", "--log-format"] {
         assert!(help.stdout.contains(word), "{word}: {}", help.stdout);
     }
     let options = f.succeed("help render").stdout;
