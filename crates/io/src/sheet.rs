@@ -10,7 +10,9 @@ const LARGEST: usize = 320;
 /// Longest side below which pictures are enlarged by a whole factor.
 const SMALLEST: usize = 160;
 const MARGIN: i32 = 24;
-const GAP: i32 = 14;
+const GAP: i32 = 18;
+/// Space between a row and the labels of the next.
+const ROW: i32 = 22;
 const TITLE: i32 = 26;
 const LABEL: i32 = 17;
 const SMALL: i32 = 13;
@@ -102,7 +104,7 @@ pub fn png(title: &str, subtitle: &str, scale: f32, columns: usize, cells: &[Cel
     let rows = cells.len().div_ceil(columns) as i32;
     let head = MARGIN + TITLE + LABEL + 34;
     let width = (2 * MARGIN + columns as i32 * (cell_width + GAP) - GAP).max(760);
-    let height = head + rows * (cell_height + GAP) + MARGIN;
+    let height = head + rows * (cell_height + ROW) + MARGIN;
     let mut pixels = vec![0u8; (width * height * 3) as usize];
     {
         let root = BitMapBackend::with_buffer(&mut pixels, (width as u32, height as u32)).into_drawing_area();
@@ -128,7 +130,7 @@ pub fn png(title: &str, subtitle: &str, scale: f32, columns: usize, cells: &[Cel
         write(&format!("too bright, +{percent:.0} %"), (left + bar - 108, top + 14), SMALL, false, GREY)?;
         for (i, cell) in cells.iter().enumerate() {
             let x = MARGIN + (i % columns) as i32 * (cell_width + GAP);
-            let y = head + (i / columns) as i32 * (cell_height + GAP);
+            let y = head + (i / columns) as i32 * (cell_height + ROW);
             write(&cell.label, (x, y), LABEL, true, INK)?;
             write(&cell.note, (x, y + LABEL + 4), SMALL, false, GREY)?;
         }
@@ -136,7 +138,7 @@ pub fn png(title: &str, subtitle: &str, scale: f32, columns: usize, cells: &[Cel
     }
     for (i, cell) in cells.iter().enumerate() {
         let x = MARGIN + (i % columns) as i32 * (cell_width + GAP);
-        let y = head + (i / columns) as i32 * (cell_height + GAP) + LABEL + SMALL + 12;
+        let y = head + (i / columns) as i32 * (cell_height + ROW) + LABEL + SMALL + 12;
         for (k, p) in cell.pictures.iter().enumerate() {
             let p = p.fitted();
             let x = x as usize + k * (p.width + 4);

@@ -55,7 +55,9 @@ pub struct Figures {
     pub pixels: u64,
     /// Number of values: pixels times the channels of each that take part. Means are over these.
     pub values: u64,
-    /// Sum over sum of the reference.
+    /// Sum of the reference, by which ratios are weighed.
+    pub reference: f64,
+    /// Sum over that of the reference.
     pub ratio: Estimate,
     /// Squared relative error of the model.
     pub bias2: Estimate,
@@ -203,6 +205,7 @@ pub fn figures(
     Some(Figures {
         pixels,
         values: items as u64,
+        reference: exact,
         ratio: Estimate { mean: ratio, std_err: noise / exact.abs(), n: pixels },
         bias2,
         variance,

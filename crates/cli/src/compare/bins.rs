@@ -1,5 +1,6 @@
 //! Where a model fails: its error over pixels that have a measured quantity in common.
 
+use moonmilk_core::Estimate;
 use moonmilk_core::stats::{sidak, z_test};
 use moonmilk_io::split::Figures;
 use moonmilk_render::seen::Seen;
@@ -103,43 +104,71 @@ pub struct Worst {
     pub bin: usize,
     /// One-sided p-value of its being no worse than the rest.
     pub p: f64,
+    /// Whether the squared error tells, or the energy alone.
+    pub by: By,
 }
 
-/// Returns the bin with the largest bias among those where it is significantly larger than in the rest of the pixels.
+/// What tells that a place is worse than the rest.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum By {
+    /// Its bias^2.
+    Squares,
+    /// The deviation of its mean, where noise hides the squares.
+    Energy,
+}
+
+/// Returns the bin with the largest bias^2 among those where it is significantly larger than in the rest of the pixels; failing that, the bin whose mean
+/// is farthest from the exact one among those where it is significantly farther than that of the rest.
 ///
 /// The rest of N values with the mean a (standard error s) without n of mean b (t) has the mean (N a - n b) / (N - n) and the error
-/// sqrt((N s)^2 - (n t)^2) / (N - n).
+/// sqrt((N s)^2 - (n t)^2) / (N - n). For ratios the weights are the sums of the reference.
 pub fn worst(all: &Figures, axes: &[Bins]) -> Option<Worst> {
-    let tests = axes.iter().flatten().flatten().count();
-    let mut found: Option<(f64, Worst)> = None;
-    for (axis, bins) in axes.iter().enumerate() {
-        for (bin, f) in bins.iter().enumerate() {
-            let Some(f) = f.filter(|f| f.pixels >= FEWEST && f.values < all.values) else {
-                continue;
-            };
-            let (n, all_n) = (f.values as f64, all.values as f64);
-            let rest = (all_n * all.bias2.mean - n * f.bias2.mean) / (all_n - n);
-            let error = ((all_n * all.bias2.std_err).powi(2) - (n * f.bias2.std_err).powi(2)).max(0.0).sqrt();
-            let z = (f.bias2.mean - rest) / f.bias2.std_err.hypot(error / (all_n - n));
-            let p = if z > 0.0 { 0.5 * z_test(z) } else { 1.0 };
-            if p < sidak(SIGNIFICANCE, tests) && found.is_none_or(|(b, _)| f.bias2.mean > b) {
-                found = Some((f.bias2.mean, Worst { axis, bin, p }));
+    let tests = 2 * axes.iter().flatten().flatten().count();
+    let of_kind = |by: By| {
+        let mut found: Option<(f64, Worst)> = None;
+        for (axis, bins) in axes.iter().enumerate() {
+            for (bin, f) in bins.iter().enumerate() {
+                let Some(f) = f.filter(|f| f.pixels >= FEWEST && f.values < all.values) else {
+                    continue;
+                };
+                let (size, p) = excess(all, &f, by);
+                if p < sidak(SIGNIFICANCE, tests) && found.is_none_or(|(s, _)| size > s) {
+                    found = Some((size, Worst { axis, bin, p, by }));
+                }
             }
         }
-    }
-    found.map(|f| f.1)
+        found.map(|f| f.1)
+    };
+    of_kind(By::Squares).or_else(|| of_kind(By::Energy))
+}
+
+/// Returns how wrong a bin is, and the one-sided p-value of its being no worse than the rest.
+fn excess(all: &Figures, f: &Figures, by: By) -> (f64, f64) {
+    let (n, all_n, of): (f64, f64, fn(&Figures) -> Estimate) = match by {
+        By::Squares => (f.values as f64, all.values as f64, |f| f.bias2),
+        By::Energy => (f.reference, all.reference, |f| Estimate { mean: f.ratio.mean - 1.0, ..f.ratio }),
+    };
+    let (bin, whole) = (of(f), of(all));
+    let rest = (all_n * whole.mean - n * bin.mean) / (all_n - n);
+    let error = ((all_n * whole.std_err).powi(2) - (n * bin.std_err).powi(2)).max(0.0).sqrt() / (all_n - n);
+    let (size, rest) = match by {
+        By::Squares => (bin.mean, rest),
+        By::Energy => (bin.mean.abs(), rest.abs()),
+    };
+    let z = (size - rest) / bin.std_err.hypot(error);
+    (size, if z > 0.0 { 0.5 * z_test(z) } else { 1.0 })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use moonmilk_core::Estimate;
 
     fn figures(pixels: u64, bias2: f64, std_err: f64) -> Figures {
         let one = |mean, std_err| Estimate { mean, std_err, n: pixels };
         Figures {
             pixels,
             values: 3 * pixels,
+            reference: pixels as f64,
             ratio: one(1.0, 0.01),
             bias2: one(bias2, std_err),
             variance: one(0.1, 0.01),
@@ -155,6 +184,19 @@ mod tests {
         assert_eq!(worst(&all, &bins(0.05)), None, "within the noise");
         let few = vec![vec![Some(figures(5, 0.8, 0.001)), Some(figures(995, 0.015, 0.002))]];
         assert_eq!(worst(&all, &few), None, "too few pixels");
+    }
+
+    #[test]
+    fn where_noise_hides_the_squares_the_mean_tells() {
+        let with = |pixels, ratio, std_err| {
+            let f = figures(pixels, 0.02, 0.5);
+            Figures { ratio: Estimate { mean: ratio, std_err, n: pixels }, ..f }
+        };
+        let all = with(1000, 1.08, 0.01);
+        let bins = vec![vec![Some(with(200, 1.4, 0.03)), Some(with(800, 1.0, 0.01))]];
+        assert_eq!(worst(&all, &bins).map(|w| (w.bin, w.by)), Some((0, By::Energy)));
+        let noisy = vec![vec![Some(with(200, 1.4, 0.3)), Some(with(800, 1.0, 0.1))]];
+        assert_eq!(worst(&with(1000, 1.08, 0.1), &noisy), None);
     }
 
     #[test]

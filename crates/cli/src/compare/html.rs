@@ -7,7 +7,7 @@ use serde_json::json;
 
 use super::bins::AXES;
 use super::json::{DEFINITIONS, significance};
-use super::measure::{Findings, Measured, error_picture, rms, rms_error};
+use super::measure::{Findings, Measured, error_picture, rms, rms_error, three_digits};
 use crate::failure::Failure;
 
 const STYLE: &str = include_str!("report.css");
@@ -81,10 +81,10 @@ fn plain_percent(x: Option<f64>) -> String {
     cell(&x.map_or_else(String::new, |x| format!("{:.1} %", 100.0 * x)), x)
 }
 
-fn with_error(mean: f64, error: f64, sign: bool) -> String {
-    let number = if sign { format!("{:+.2}", 100.0 * mean) } else { format!("{:.2}", 100.0 * mean) };
+fn with_error(mean: f64, error: f64, sign: bool, digits: usize) -> String {
+    let number = if sign { format!("{:+.digits$}", 100.0 * mean) } else { format!("{:.digits$}", 100.0 * mean) };
     let number = number.replace('-', "−");
-    cell(&format!("{number} <span class=pm>± {:.2}</span> %", 100.0 * error), Some(mean))
+    cell(&format!("{number} <span class=pm>± {:.digits$}</span> %", 100.0 * error), Some(mean))
 }
 
 fn head(columns: &[(&str, &str)]) -> String {
@@ -183,27 +183,32 @@ fn answer(f: &Findings) -> String {
         let (name, b) = (escape(&closest.name), &closest.object);
         write!(
             out,
-            "<p><strong>{name}</strong> comes closest to the exact picture: off by {:.1} ± {:.1} %, in the mean {:+.1} %, {:.1} times as fast as {} at equal noise.</p>",
+            "<p><strong>{name}</strong> comes closest to the exact picture: off by {:.1} ± {:.1} %, in the mean {:+.1} %, {} times as fast as {} at equal noise.</p>",
             100.0 * rms(b.bias2.mean),
             100.0 * rms_error(&b.bias2),
             100.0 * (b.ratio.mean - 1.0),
-            closest.speed,
+            three_digits(closest.speed),
             escape(&f.exact.name)
         )
         .expect("a string takes everything");
         let exact = f.exact.at_equal;
         let text = if exact.is_finite() && exact <= best.object.total.mean {
             format!(
-                "With this budget the exact picture itself has the least error in all: relMSE {exact:.1e}, {} {:.1e}.",
+                "With this budget the exact picture itself has the least error in all: relMSE {}, {} {}.",
+                three_digits(exact),
                 escape(&best.name),
-                best.object.total.mean
+                three_digits(best.object.total.mean)
             )
         } else {
             format!(
-                "With this budget, noise included, <strong>{}</strong> has the least error: relMSE {:.1e}{}.",
+                "With this budget, noise included, <strong>{}</strong> has the least error: relMSE {}{}.",
                 escape(&best.name),
-                best.object.total.mean,
-                if exact.is_finite() { format!("; the exact picture has {exact:.1e}") } else { String::new() }
+                three_digits(best.object.total.mean),
+                if exact.is_finite() {
+                    format!("; the exact picture has {}", three_digits(exact))
+                } else {
+                    String::new()
+                }
             )
         };
         write!(out, "<p>{text}</p>").expect("a string takes everything");
@@ -273,12 +278,12 @@ fn models_table(f: &Findings) -> String {
             format!(
                 "<tr><th scope=row>{}{mark}</th>{}{}{}{}{}{}{}</tr>\n",
                 escape(&m.name),
-                with_error(o.ratio.mean - 1.0, o.ratio.std_err, true),
-                with_error(rms(o.bias2.mean), rms_error(&o.bias2), false),
+                with_error(o.ratio.mean - 1.0, o.ratio.std_err, true, 2),
+                with_error(rms(o.bias2.mean), rms_error(&o.bias2), false, 2),
                 plain_percent(Some(rms(o.variance.mean))),
-                cell(&format!("{:.1e}", o.total.mean), Some(o.total.mean)),
+                cell(&three_digits(o.total.mean), Some(o.total.mean)),
                 cell(&format!("{:.3}", m.flip), Some(m.flip)),
-                cell(&format!("{:.1}×", m.speed), Some(m.speed)),
+                cell(&format!("{}×", three_digits(m.speed)), Some(m.speed)),
                 cost(&m.cost)
             )
         })
@@ -290,7 +295,7 @@ fn models_table(f: &Findings) -> String {
         cell("0", Some(0.0)),
         cell("0", Some(0.0)),
         plain_percent(Some(rms(e.variance.mean))),
-        cell(&format!("{:.1e}", e.variance.mean), Some(e.variance.mean)),
+        cell(&three_digits(e.variance.mean), Some(e.variance.mean)),
         cell("0", Some(0.0)),
         cell("1×", Some(1.0)),
         cost(&e.cost)
@@ -316,7 +321,7 @@ fn budget_table(f: &Findings) -> String {
         .map(|m| {
             let b = m.budget(planar);
             let square = cell(
-                &b.remaining_square.map_or_else(String::new, |x| format!("{x:+.1e}").replace('-', "−")),
+                &b.remaining_square.map_or_else(String::new, |x| format!("{x:+.4}").replace('-', "−")),
                 b.remaining_square,
             );
             format!(
@@ -366,8 +371,8 @@ fn card(f: &Findings, i: usize, m: &Measured) -> Result<String, Failure> {
                 Some(format!(
                     "<tr><th scope=row>{range}{mark}</th><td>{}</td>{}{}</tr>",
                     o.pixels,
-                    with_error(o.ratio.mean - 1.0, o.ratio.std_err, true),
-                    with_error(rms(o.bias2.mean), rms_error(&o.bias2), false)
+                    with_error(o.ratio.mean - 1.0, o.ratio.std_err, true, 1),
+                    with_error(rms(o.bias2.mean), rms_error(&o.bias2), false, 1)
                 ))
             })
             .collect();

@@ -90,7 +90,7 @@ fn model(f: &Findings, m: &Measured) -> Value {
         .collect();
     let worst = m.worst.map(|w| {
         let [from, to] = AXES[w.axis].limits(w.bin);
-        json!({"axis": AXES[w.axis].name, "from": from, "to": to, "p": w.p})
+        json!({"axis": AXES[w.axis].name, "from": from, "to": to, "p": w.p, "by": format!("{:?}", w.by).to_lowercase()})
     });
     let b = m.budget(f.planar());
     let profiles: Vec<Value> = f
@@ -166,6 +166,6 @@ pub const DEFINITIONS: [(&str, &str); 9] = [
 /// What the search for the worst kind of place accepts.
 pub fn significance() -> String {
     format!(
-        "A kind of place is named as worst only if its bias^2 exceeds that of all other pixels at a significance of {SIGNIFICANCE} after Sidak over all bins of the model."
+        "A kind of place is named as worst only if its bias^2, or where noise hides that the deviation of its mean, exceeds that of all other pixels at a significance of {SIGNIFICANCE} after Sidak over all bins of the model."
     )
 }

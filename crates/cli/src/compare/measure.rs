@@ -10,7 +10,7 @@ use moonmilk_io::split::{self, Colour, Figures, Halves, Reference};
 use moonmilk_optics::profile::{Info, find};
 use moonmilk_render::seen::Seen;
 
-use super::bins::{AXES, Bins, Worst, worst};
+use super::bins::{AXES, Bins, By, Worst, worst};
 use super::bodies::{BodySeen, EXACT_PROFILE, Worth};
 use super::shoot::Cost;
 use crate::failure::Failure;
@@ -252,6 +252,17 @@ pub fn rms(square: f64) -> f64 {
     square.max(0.0).sqrt()
 }
 
+/// Returns a positive number with three digits.
+pub fn three_digits(x: f64) -> String {
+    match x {
+        _ if x.abs() >= 100.0 => format!("{x:.0}"),
+        _ if x.abs() >= 10.0 => format!("{x:.1}"),
+        _ if x.abs() >= 1.0 => format!("{x:.2}"),
+        _ if x.abs() >= 0.001 => format!("{x:.*}", (2.0 - x.abs().log10().floor()) as usize),
+        _ => format!("{x:.2e}"),
+    }
+}
+
 /// Returns the standard error of [`rms`] to first order; that of the square's own root where the square is within its noise.
 pub fn rms_error(square: &Estimate) -> f64 {
     square.std_err / (2.0 * square.mean.max(square.std_err).sqrt())
@@ -299,9 +310,15 @@ impl Measured {
                 let label = if AXES[w.axis].name == "thickness" { format!("it is {label}") } else { label.into() };
                 let bin = self.bins[w.axis][w.bin].as_ref();
                 let signed = bin.map_or(0.0, |b| 100.0 * (b.ratio.mean - 1.0));
-                let rms = bin.map_or(0.0, |b| 100.0 * rms(b.bias2.mean));
                 let word = if signed > 0.0 { "bright" } else { "dark" };
-                format!(" Worst where {label}: off by {rms:.0} %, in the mean {:.1} % too {word}.", signed.abs())
+                let signed = signed.abs();
+                match w.by {
+                    By::Squares => {
+                        let rms = bin.map_or(0.0, |b| 100.0 * rms(b.bias2.mean));
+                        format!(" Worst where {label}: off by {rms:.0} %, in the mean {signed:.1} % too {word}.")
+                    }
+                    By::Energy => format!(" Worst where {label}: {signed:.1} % too {word} there in the mean."),
+                }
             }
             None => " No kind of place is significantly worse than the rest.".into(),
         };

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::measure::{Findings, rms, rms_error};
+use super::measure::{Findings, rms, rms_error, three_digits};
 
 fn percent(x: Option<f64>) -> String {
     x.filter(|x| x.is_finite()).map_or_else(|| "-".into(), |x| format!("{:+.1} %", 100.0 * x))
@@ -25,43 +25,43 @@ pub fn text(f: &Findings) -> String {
     for m in &f.models {
         let o = &m.object;
         line(format!(
-            "{:24} {:>+7.2} +- {:.2} % {:>6.2} +- {:.2} % {:>5.1} % {:>8.1e} {:>6.3} {:>7} {:>6.1}x",
+            "{:24} {:>+7.2} +- {:.2} % {:>6.2} +- {:.2} % {:>5.1} % {:>8} {:>6.3} {:>7} {:>6}x",
             m.name,
             100.0 * (o.ratio.mean - 1.0),
             100.0 * o.ratio.std_err,
             100.0 * rms(o.bias2.mean),
             100.0 * rms_error(&o.bias2),
             100.0 * rms(o.variance.mean),
-            o.total.mean,
+            three_digits(o.total.mean),
             m.flip,
             m.cost.spp,
-            m.speed
+            three_digits(m.speed)
         ));
     }
     let e = &f.exact;
     line(format!(
-        "{:24} {:>16} {:>15} {:>5.1} % {:>8.1e} {:>6} {:>7} {:>6.1}x",
+        "{:24} {:>16} {:>15} {:>5.1} % {:>8} {:>6} {:>7} {:>6}x",
         format!("{} (exact)", e.name),
         "0",
         "0",
         100.0 * rms(e.variance.mean),
-        e.variance.mean,
+        three_digits(e.variance.mean),
         "-",
         e.cost.spp,
-        1.0
+        1
     ));
     if e.at_equal.is_finite() {
         line(format!(
-            "{} with a model's budget: noise {:.1} %, relMSE {:.1e}",
+            "{} with a model's budget: noise {:.1} %, relMSE {}",
             e.name,
             100.0 * rms(e.at_equal),
-            e.at_equal
+            three_digits(e.at_equal)
         ));
     }
     line(String::new());
     line(format!(
         "{:24} {:>22} {:>11} {:>10} {:>22}",
-        "where it comes from", "profile: L1, energy", "geometry", "remaining", "of the error: p, g"
+        "where it comes from", "profile: L1, energy", "geometry", "remaining", "pictures: p, g"
     ));
     let planar = f.planar();
     for m in &f.models {
@@ -83,7 +83,8 @@ pub fn text(f: &Findings) -> String {
     }
     out.push_str(
         "\nenergy: mean over that of the exact picture. error, noise: relative root mean squares of bias and noise; relMSE = bias^2 + noise^2.\n\
-         speed: time of the exact picture over the model's at equal noise. (1 + profile) (1 + geometry) (1 + remaining) = energy ratio.",
+         speed: time of the exact picture over the model's at equal noise. (1 + profile) (1 + geometry) (1 + remaining) = energy ratio.\n\
+         pictures: root mean square difference from the picture by tabulated (p), and of that from the exact one (g).",
     );
     out
 }

@@ -164,6 +164,11 @@ AttributeEnd
     let r = f.run("compare thin.pbrt --subsurface dipole,dual-beam --spp 2 -o b");
     assert!(r.code == Some(3) && r.stderr.contains("dual-beam") && r.stderr.contains("eta"), "{r:?}");
     assert!(!f.exists("b/path.exr"), "found before anything is rendered");
+    f.succeed("compare thin.pbrt --subsurface all --spp 2 --crop 4,12,3,9 -o d");
+    let m = metrics(&f, "d");
+    let left = &m["left_out"][0];
+    assert!(left["name"] == "dual-beam" && left["reason"].as_str().is_some_and(|r| r.contains("eta")), "{left}");
+    assert!(m["models"].as_array().is_some_and(|l| l.len() > 15 && l.iter().all(|v| v["name"] != "single")));
     for (list, told) in [("dipol", "did you mean \"dipole\"?"), ("dipole,hybrd", "available: path, "), ("", "or all")] {
         let r = f.run(&format!("compare thin.pbrt --subsurface={list} -o c"));
         assert!(r.code == Some(2) && r.stderr.contains(told), "{list}: {r:?}");
