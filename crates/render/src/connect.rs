@@ -1,7 +1,7 @@
 //! Connections to lights: shadow rays through media and index-matched boundaries, with multiple importance sampling.
 
 use moonmilk_core::{Random, Sampler, Spectrum, Vec3, Wavelengths};
-use moonmilk_geometry::{Hit, Surface};
+use moonmilk_geometry::{Hit, Ray, Surface};
 use moonmilk_walk::{Medium, Roulette, Tally, Walker, heterogeneous};
 
 use crate::bsdf::Shaded;
@@ -13,7 +13,7 @@ use crate::nest::Nest;
 use crate::scene::{Object, Scene};
 use crate::snag::Snag;
 use crate::texture::TexturePoint;
-use crate::through::Through;
+use crate::through::{Ahead, Through};
 use crate::touch;
 
 /// Share of a shadow ray's length that is left out at its end, where the light itself is: a relative length.
@@ -333,6 +333,20 @@ impl<const N: usize> Tally<N, Sampler> for InMedium<'_, '_, N> {
     #[inline]
     fn connects(&self) -> bool {
         self.connects || self.through.is_some()
+    }
+
+    #[inline]
+    fn sight(&self, walker: &Walker<N>) -> f32 {
+        self.through.as_ref().map_or(0.0, |t| t.sight(&self.interior.began(), walker.p, walker.d))
+    }
+
+    fn glimpse(&mut self, walker: &Walker<N>, medium: &Medium<N>, t: f32) {
+        let Some(through) = &self.through else { return };
+        let ray = Ray::new(walker.p, walker.d);
+        if let Some((hit, p, ng, ns)) = self.interior.ahead(&ray) {
+            let at = Ahead { hit, t, p, ng, ns };
+            through.look(walker, medium, &self.interior.began(), &at, self.wavelengths, self.light, self.counters);
+        }
     }
 }
 

@@ -58,9 +58,11 @@ pub(crate) struct Interior<'a> {
     smooth: Option<f32>,
     start: Standing,
     segments: Cell<u64>,
-    /// Connections through the object's boundary, and the collision where the present flight began.
+    /// Connections through the object's boundary, and where the present flight began.
     through: Option<Through<'a>>,
-    began: Cell<Option<Start>>,
+    began: Cell<Start>,
+    /// The wall that the last query found.
+    ahead: Cell<Option<Hit>>,
 }
 
 impl<'a> Interior<'a> {
@@ -92,7 +94,8 @@ impl<'a> Interior<'a> {
             start,
             segments: Cell::new(0),
             through,
-            began: Cell::new(None),
+            began: Cell::new(Start::Wall),
+            ahead: Cell::new(None),
         }
     }
 
@@ -107,10 +110,36 @@ impl<'a> Interior<'a> {
         self.room.map_or(0.0, |r| r.bound(p))
     }
 
-    /// Notes the collision where the next flight begins.
+    /// Notes where the next flight begins.
     #[inline]
-    pub fn set_start(&self, start: Option<Start>) {
+    pub fn set_start(&self, start: Start) {
         self.began.set(start);
+    }
+
+    /// Returns where the present flight began.
+    #[inline]
+    pub fn began(&self) -> Start {
+        self.began.get()
+    }
+
+    /// Returns the point and the normals (geometric, of refraction) of the body's own smooth boundary, which the last query found ahead.
+    pub fn ahead(&self, ray: &Ray) -> Option<(Hit, Vec3, Vec3, Vec3)> {
+        let hit = self.ahead.get().filter(|h| self.smooth.is_some() && Some(h.shape) == self.object && h.exiting)?;
+        let (p, ng, ns) = self.boundary(ray, &hit);
+        Some((hit, p, ng, ns))
+    }
+
+    /// Returns the point and the normals of the body's boundary at a hit.
+    #[inline]
+    fn boundary(&self, ray: &Ray, hit: &Hit) -> (Vec3, Vec3, Vec3) {
+        let object = &self.scene.objects[hit.shape as usize];
+        if self.scene.materials.perturbs_normals(object.material) {
+            let surface = self.scene.accel.surface(ray, hit);
+            (surface.p, surface.ng, self.scene.boundary_normal(object, &surface))
+        } else {
+            let (p, ng, ns) = self.scene.accel.point_and_normals(ray, hit);
+            (p, ng, near(ng, ns))
+        }
     }
 
     /// Returns whether light sampling inside can reach anything.
@@ -148,7 +177,9 @@ impl<const N: usize> Domain<N> for Interior<'_> {
         if let Some(hit) = from {
             ray = ray.from_prim(hit.prim);
         }
-        self.scene.accel.nearest(&ray).map(|h| (h.t, Some(h)))
+        let hit = self.scene.accel.nearest(&ray);
+        self.ahead.set(hit);
+        hit.map(|h| (h.t, Some(h)))
     }
 
     #[inline]
@@ -166,28 +197,16 @@ impl<const N: usize> Domain<N> for Interior<'_> {
             walker.p = surface.p;
             return Wall::Leave(Exit::Surface(hit, surface));
         };
-        let object = &self.scene.objects[hit.shape as usize];
-        let (p, ng, ns) = if self.scene.materials.perturbs_normals(object.material) {
-            let surface = self.scene.accel.surface(&ray, &hit);
-            (surface.p, surface.ng, self.scene.boundary_normal(object, &surface))
-        } else {
-            let (p, ng, ns) = self.scene.accel.point_and_normals(&ray, &hit);
-            (p, ng, near(ng, ns))
-        };
+        let (p, ng, ns) = self.boundary(&ray, &hit);
         walker.p = p;
         // Cross the object's own boundary: most arrivals are reflected inside, many times over.
         let wo = -walker.d;
         let pdf = walker.direction_pdf.take();
-        let began = self.began.take();
+        let began = self.began.replace(Start::Wall);
         match cross(wo, ng, ns, eta, rng) {
             Crossing::Reflected(d) => walker.d = d,
             Crossing::Transmitted(d) => {
-                let escape = match (&self.through, began, pdf) {
-                    (Some(through), Some(start), Some(pdf)) if t <= through.reach() => {
-                        Some(through.escape(start, walker.d, pdf, ng, ns))
-                    }
-                    _ => None,
-                };
+                let escape = self.through.as_ref().and_then(|th| th.escape(began, ray.o, t, ray.d, pdf, ng, ns));
                 walker.d = d;
                 walker.beta *= eta * eta;
                 walker.eta_scale /= eta * eta;

@@ -92,13 +92,22 @@ where
     loop {
         // Draw the free flight of the hero lane.
         let t = math::exponential(rng.uniform()) * mean_free_path;
+        let sight = tally.sight(walker);
         // Skip the wall query where the flight provably ends before any wall.
-        if D::CHEAP_SEGMENTS || t >= walker.room {
-            if !D::CHEAP_SEGMENTS {
+        if D::CHEAP_SEGMENTS || t >= walker.room || sight > 0.0 {
+            if !D::CHEAP_SEGMENTS && sight == 0.0 {
                 walker.room = march(domain, walker, t);
             }
-            if D::CHEAP_SEGMENTS || t >= walker.room {
-                if let Some((t_wall, wall)) = domain.segment(walker.p, walker.d, t, &on_wall) {
+            if D::CHEAP_SEGMENTS || t >= walker.room || sight > 0.0 {
+                let ahead = domain.segment(walker.p, walker.d, t.max(sight), &on_wall);
+                if let Some((t_wall, _)) = ahead
+                    && t_wall <= sight
+                {
+                    tally.glimpse(walker, medium, t_wall);
+                }
+                if let Some((t_wall, wall)) = ahead
+                    && t_wall <= t
+                {
                     tally.flight(walker, t_wall);
                     walker.pass(medium, t_wall);
                     walker.room = 0.0;

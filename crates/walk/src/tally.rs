@@ -25,6 +25,17 @@ pub trait Tally<const N: usize, R: Random, P = HenyeyGreenstein> {
     #[inline]
     fn null_collision(&mut self) {}
 
+    /// Returns a distance within which this tally wants to know the wall ahead at the flight about to begin \[length\], however short the flight turns
+    /// out. It may depend on where the flight begins and on its direction, not on its length.
+    #[inline]
+    fn sight(&self, _walker: &Walker<N>) -> f32 {
+        0.0
+    }
+
+    /// Called where a wall lies ahead within that distance, t away, before the walker moves; whether the flight reaches it is another matter.
+    #[inline]
+    fn glimpse(&mut self, _walker: &Walker<N>, _medium: &Medium<N, P>, _t: f32) {}
+
     /// Returns whether this tally looks for light at collisions. If not, directions count as drawn without competition, so
     /// that lights found by chance count in full.
     #[inline]

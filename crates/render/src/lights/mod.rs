@@ -62,6 +62,8 @@ pub struct Lights {
     first_of_shape: Vec<Option<u32>>,
     environment: Environment,
     distant: Vec<Distant>,
+    /// Box around all lights that have a surface.
+    surfaces: Option<(Vec3, Vec3)>,
 }
 
 #[derive(Debug)]
@@ -147,6 +149,12 @@ impl Lights {
                 Placed::Punctual(p) => Some(p.bounds()),
             })
             .collect();
+        for (light, bounds) in lights.placed.iter().zip(&bounds) {
+            if let (Placed::Surface { .. }, Some(b)) = (light, bounds) {
+                let all = lights.surfaces.unwrap_or((b.min, b.max));
+                lights.surfaces = Some((all.0.min(b.min), all.1.max(b.max)));
+            }
+        }
         lights.tree = LightTree::new(&bounds);
         Ok(lights)
     }
@@ -330,6 +338,33 @@ impl Lights {
     /// Returns whether some light has a surface.
     pub fn has_surfaces(&self) -> bool {
         self.first_of_shape.iter().any(Option::is_some)
+    }
+
+    /// Returns whether a light's surface may lie within an angle of given sine and cosine from d, as seen from anywhere within `reach` of p.
+    #[inline]
+    pub fn surface_within(&self, p: Vec3, d: Vec3, reach: f32, (sin, cos): (f32, f32)) -> bool {
+        let Some((min, max)) = self.surfaces else { return false };
+        let to = 0.5 * (min + max) - p;
+        let (radius, distance2) = (0.5 * (max - min).length() + reach, to.length_squared());
+        if radius * radius >= distance2 {
+            return true;
+        }
+        // The angle between d and the middle is at most the given one and the half angle of the sphere, which is below a right angle.
+        let half_sin = radius / distance2.sqrt();
+        let half_cos = (1.0 - half_sin * half_sin).sqrt();
+        let least = half_cos * cos - half_sin * sin;
+        // Together they may exceed a half turn only where the sine of the sum has become negative.
+        half_sin * cos + half_cos * sin < 0.0 || d.dot(to) >= (least - 1e-4) * distance2.sqrt()
+    }
+
+    /// Returns whether a ray from p along d may meet a light's surface: cheap, and never wrong with no.
+    #[inline]
+    pub fn may_meet_surface(&self, p: Vec3, d: Vec3) -> bool {
+        let Some((min, max)) = self.surfaces else { return false };
+        let (a, b) = ((min - p) / d, (max - p) / d);
+        let (near, far) = (a.min(b).max_element(), a.max(b).min_element());
+        // Not a number on the faces themselves: rounding is on the side of yes.
+        !(near > far + 1e-4 * far.abs() || far < 0.0)
     }
 
     /// Chooses among the lights that have a position alone and returns a sample if it has a surface.
