@@ -1,12 +1,12 @@
 //! Makes the table of the profile `tabulated`: `tabulate DIR [THOUSANDTHS]` simulates into DIR and writes DIR/tabulated.bin, which is shipped as
 //! `crates/optics/src/profile/tabulated/tabulated.bin`.
 //!
-//! All walks take about 45 minutes of one core; THOUSANDTHS says how many of them to simulate. The table must exist to compile this; any
+//! All walks take about two and a half hours of one core; THOUSANDTHS says how many of them to simulate. The table must exist to compile this; any
 //! file will do. Simulations that lie in DIR already are not repeated, so an interrupted run goes on.
 //! Seeds are fixed: equal walks make equal bits.
 
 use std::error::Error;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use moonmilk_lab::tabulate::{Node, node, pack};
@@ -20,34 +20,38 @@ const WALKS: [(u64, u64); GS] = [
     (5_000_000, 4),
     (5_000_000, 6),
     (4_000_000, 6),
-    (10_000_000, 6),
-    (5_000_000, 6),
-    (4_500_000, 6),
-    (3_000_000, 6),
-    (3_200_000, 6),
-    (2_800_000, 6),
+    (10_000_000, 24),
+    (5_000_000, 24),
+    (4_500_000, 24),
+    (3_000_000, 24),
+    (3_200_000, 24),
+    (2_800_000, 24),
 ];
 
 fn main() -> Result<(), Box<dyn Error>> {
     let args: Vec<String> = std::env::args().skip(1).collect();
     let dir = Path::new(args.first().ok_or("tabulate DIR [THOUSANDTHS]")?);
     let thousandths: u64 = args.get(1).map_or(Ok(1000), |s| s.parse())?;
+    // Seed by seed, so that an interrupted run has about as many of every asymmetry.
+    let most = WALKS.iter().map(|w| w.1).max().unwrap_or(0);
+    for seed in 1..=most {
+        for (i, (walks, runs)) in WALKS.into_iter().enumerate() {
+            let path = part(dir, i, seed);
+            if seed > runs || path.exists() {
+                continue;
+            }
+            let start = Instant::now();
+            let n = node(grid::g(i), &grid::etas(), (walks * thousandths).div_ceil(1000), seed);
+            std::fs::write(&path, written(&n))?;
+            let per_walk = n.collisions as f64 / n.walks as f64;
+            println!("g {:.4}: {per_walk:.0} collisions per walk, {:.0} s", n.g, start.elapsed().as_secs_f64());
+        }
+    }
     let mut nodes = Vec::new();
-    for (i, (walks, runs)) in WALKS.into_iter().enumerate() {
+    for (i, (_, runs)) in WALKS.into_iter().enumerate() {
         let mut joined: Option<Node> = None;
         for seed in 1..=runs {
-            let path = dir.join(format!("g{i:02}s{seed}.bin"));
-            let n = match std::fs::read(&path) {
-                Ok(bytes) => read(&bytes)?,
-                Err(_) => {
-                    let start = Instant::now();
-                    let n = node(grid::g(i), &grid::etas(), (walks * thousandths).div_ceil(1000), seed);
-                    std::fs::write(&path, written(&n))?;
-                    let per_walk = n.collisions as f64 / n.walks as f64;
-                    println!("g {:.4}: {per_walk:.0} collisions per walk, {:.0} s", n.g, start.elapsed().as_secs_f64());
-                    n
-                }
-            };
+            let n = read(&std::fs::read(part(dir, i, seed))?)?;
             match &mut joined {
                 Some(all) => all.join(&n),
                 None => joined = Some(n),
@@ -67,6 +71,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("{} bytes", bytes.len());
     std::fs::write(dir.join("tabulated.bin"), bytes)?;
     Ok(())
+}
+
+/// Returns the file of one simulation.
+fn part(dir: &Path, asymmetry: usize, seed: u64) -> PathBuf {
+    dir.join(format!("g{asymmetry:02}s{seed}.bin"))
 }
 
 fn written(n: &Node) -> Vec<u8> {

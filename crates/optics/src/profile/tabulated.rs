@@ -15,10 +15,10 @@
 //! the radius penalised least squares (third differences, weights like the root of the light per ring), then a cubic spline of ln R over ln r. Rings are a quarter of an octave; their means are turned
 //! into values. All walks of an asymmetry serve all indices.
 //!
-//! *Accuracy*, measured between the nodes: albedo 5e-5; L1 error below .25 % at g = -.25 and .3, up to .42 % at .57 and .55 % at .91, mostly noise of the walks; pointwise 1 % where
+//! *Accuracy*, measured between the nodes: albedo 5e-5; L1 error below .28 % at g = -.25, .3, .57 and .91, up to .36 % at .94 where the measurement is no better; pointwise 1 % where
 //! the measurement can tell, several per cent towards r^2 R of 1e-5 of its maximum (DESIGN.md; example `tabulated_error` and test `tabulated` of `moonmilk-lab`).
 //!
-//! *Provenance*: version 0.1.0, 28 November 2026, `cargo run --release -p moonmilk-lab --example tabulate -- DIR`: seeds 1 to 4 or 6, 1.7e7 to 6e7 walks per asymmetry, as listed
+//! *Provenance*: version 0.1.0, 28 November 2026, `cargo run --release -p moonmilk-lab --example tabulate -- DIR`: seeds 1 to 4, 6 or 24, 2e7 to 2.4e8 walks per asymmetry, as listed
 //! there. Equal seeds make equal bits. *Source*: this project.
 
 pub mod grid;
@@ -45,7 +45,7 @@ pub const INFO: Info = Info {
     summary: "exact: conservative walks resolved in the number of collisions, with exact totals",
     source: "this project",
     kind: Kind::Whole,
-    valid: "any albedo, eta 1 to 2, g -.5 to .95; albedo within 5e-5, L1 error .1 to .3 %, up to .6 % for bright media with g above .5",
+    valid: "any albedo, eta 1 to 2, g -.5 to .95; albedo within 5e-5, L1 error .05 to .3 %, up to .36 % at g = .94",
     use_when: "wherever it is valid: it is as fast as the others once prepared",
     avoid_when: "for other phase functions than Henyey-Greenstein, or beyond eta 2 or g .95",
 };
