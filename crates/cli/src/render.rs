@@ -173,7 +173,7 @@ pub fn warn(warnings: &[Warning]) {
 
 /// Builds the scene and prints its warnings.
 ///
-/// `subsurface` is `path` for exact walks, or the name of a model.
+/// `subsurface` is `path` for exact walks, `similarity-1` for those in the similar isotropic medium, or the name of a model.
 pub fn build(d: &SceneDescription, open: Option<Open>, subsurface: &str) -> Result<Scene, Failure> {
     let (scene, warnings) = make(d, open, subsurface)?;
     warn(&warnings);
@@ -192,11 +192,12 @@ pub fn make(d: &SceneDescription, open: Option<Open>, subsurface: &str) -> Resul
             ));
         }
     };
+    let similar = subsurface == "similarity-1";
     let model = match subsurface {
-        "path" => None,
+        "path" | "similarity-1" => None,
         name => Some(moonmilk_optics::profile::find(name).map_err(|e| Failure::Usage(e.to_string()))?),
     };
-    Scene::new(d, &SceneOptions { open, model }).map_err(|e| {
+    Scene::new(d, &SceneOptions { open, model, similar }).map_err(|e| {
         let help = if matches!(e, moonmilk_render::scene::SceneError::Open { .. }) {
             " (--open cap or --open kill renders it all the same)"
         } else {

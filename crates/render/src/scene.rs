@@ -15,7 +15,7 @@ use thiserror::Error;
 use crate::bsdf::boundary::near;
 use crate::bssrdf::Bank;
 use crate::camera::Camera;
-use crate::description::{FloatTextureId, MediumId, Place, SceneDescription, Warning};
+use crate::description::{FloatTextureId, MediumId, MediumKind, Place, SceneDescription, Warning};
 use crate::filter::Filter;
 use crate::lights::{self, LightError, Lights};
 use crate::material::{MaterialError, Materials};
@@ -48,6 +48,8 @@ pub struct SceneOptions {
     pub open: OpenPolicy,
     /// The model that renders translucent bodies; `None` for exact walks inside.
     pub model: Option<&'static Model>,
+    /// Whether homogeneous media are replaced by isotropic ones that are similar in the first order, see [`Medium::similar`].
+    pub similar: bool,
 }
 
 /// Why a scene cannot be rendered.
@@ -249,6 +251,7 @@ pub struct Scene {
     pub max_depth: u32,
     media: Vec<SceneMedium>,
     banks: Vec<Bank>,
+    similar: bool,
 }
 
 impl Scene {
@@ -275,6 +278,11 @@ impl Scene {
         let accel = instances::accelerate(d, shapes, groups, &places)?;
         let points: Vec<Vec3> = d.lights.iter().filter_map(lights::position).collect();
         finish_objects(&mut objects, &accel, d, &points);
+        if options.similar && d.media.iter().any(|m| !matches!(m.kind, MediumKind::Homogeneous { .. })) {
+            let message =
+                "media that differ from place to place are walked through as they are, without similarity".into();
+            warnings.push(Warning { place: None, message });
+        }
         let banks = match options.model {
             Some(model) => models::choose(model, d, &mut objects, &mut warnings)?,
             None => vec![],
@@ -296,6 +304,7 @@ impl Scene {
             max_depth: d.integrator.max_depth,
             media,
             banks,
+            similar: options.similar,
         };
         let eye = scene.camera.origin();
         scene.eye = (eye, scene.free_radius(eye), scene.nest_at(eye));
@@ -311,9 +320,14 @@ impl Scene {
     /// Returns a medium at the wavelengths of a path; `None` if it is empty.
     pub(crate) fn medium<const N: usize>(&self, id: MediumId, w: &Wavelengths<N>) -> Option<Matter<N>> {
         match &self.media[id] {
-            SceneMedium::Homogeneous(m) => m.sample(w).map(Matter::Homogeneous),
+            SceneMedium::Homogeneous(m) => m.sample(w).map(|m| self.homogeneous(m)),
             SceneMedium::Field(_) => Some(Matter::Field(id)),
         }
+    }
+
+    /// Returns the matter of a homogeneous medium as it is walked through.
+    fn homogeneous<const N: usize>(&self, medium: Medium<N>) -> Matter<N> {
+        Matter::Homogeneous(if self.similar { medium.similar() } else { medium })
     }
 
     /// Returns a field of the scene at the wavelengths of a path.
@@ -349,7 +363,9 @@ impl Scene {
         current: Option<Matter<N>>,
     ) -> Option<Matter<N>> {
         match object.inside {
-            Side::Own => self.materials.medium_at(object.material, &self.textures, point, w).map(Matter::Homogeneous),
+            Side::Own => {
+                self.materials.medium_at(object.material, &self.textures, point, w).map(|m| self.homogeneous(m))
+            }
             side => self.side(side, w, current),
         }
     }

@@ -31,6 +31,13 @@ impl<const N: usize> Medium<N> {
     pub fn new(sigma_a: Spectrum<N>, sigma_s: Spectrum<N>, g: f32) -> Self {
         Self::with_law(sigma_a, sigma_s, HenyeyGreenstein { g })
     }
+
+    /// Returns the medium of isotropic scatterers that is similar in the first order: sigma_s' = (1 - g) sigma_s, the rest as it is \[Wyman1989\].
+    ///
+    /// *Errors*: none of the diffusion equation; near surfaces and for single scattering the size of g.
+    pub fn similar(&self) -> Self {
+        Self::new(self.sigma_a, self.sigma_s * (1.0 - self.g), 0.0).with_emission(self.emission)
+    }
 }
 
 impl<const N: usize, P: PhaseFunction> Medium<N, P> {
