@@ -340,14 +340,15 @@ impl Lights {
         self.first_of_shape.iter().any(Option::is_some)
     }
 
-    /// Returns whether a light's surface may lie within an angle of given sine and cosine from d, as seen from anywhere within `reach` of p.
+    /// Returns whether a light's surface may lie within an angle of given sine and cosine from d, as seen from anywhere within `reach` of p; no
+    /// where lights are all around p (in the sphere around all of them): there chance finds them.
     #[inline]
     pub fn surface_within(&self, p: Vec3, d: Vec3, reach: f32, (sin, cos): (f32, f32)) -> bool {
         let Some((min, max)) = self.surfaces else { return false };
         let to = 0.5 * (min + max) - p;
         let (radius, distance2) = (0.5 * (max - min).length() + reach, to.length_squared());
         if radius * radius >= distance2 {
-            return true;
+            return false;
         }
         // The angle between d and the middle is at most the given one and the half angle of the sphere, which is below a right angle.
         let half_sin = radius / distance2.sqrt();
