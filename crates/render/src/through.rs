@@ -64,7 +64,7 @@ const LOOK_DEPTH: f32 = 1.0;
 const LOOK_REACH: f32 = 4.0;
 /// Share of the connections that leave the frame's light for a lobe around it, for what a plane does not know: folds, edges of the light.
 const SPREAD: f32 = 0.3;
-/// Asymmetry of that lobe, a Henyey-Greenstein law: half of it lies within 12 degrees. The measured variance hardly depends on it.
+/// Asymmetry of that lobe, a Henyey-Greenstein law: half of it lies within 15 degrees. The measured variance hardly depends on it.
 const LOBE: f32 = 0.85;
 
 /// A plane that stands in for the boundary near a collision.

@@ -362,7 +362,9 @@ impl Lights {
     #[inline]
     pub fn may_meet_surface(&self, p: Vec3, d: Vec3) -> bool {
         let Some((min, max)) = self.surfaces else { return false };
-        let (a, b) = ((min - p) / d, (max - p) / d);
+        // Widen the box by what rounding can move points by.
+        let pad = Vec3::splat(4.0 * f32::EPSILON * p.abs().max(min.abs()).max(max.abs()).max_element());
+        let (a, b) = ((min - pad - p) / d, (max + pad - p) / d);
         let (near, far) = (a.min(b).max_element(), a.max(b).min_element());
         // Not a number on the faces themselves: rounding is on the side of yes.
         !(near > far + 1e-4 * far.abs() || far < 0.0)
