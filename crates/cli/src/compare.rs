@@ -66,12 +66,7 @@ pub fn run(a: &Compare, bar: bool) -> Outcome {
     let plan = plan(a, &loaded, crop)?;
     let (budget, exact_budget) = budgets(a);
 
-    let base = Integrator {
-        seed: a.seed.unwrap_or(d.sampler.seed),
-        wavelengths: a.wavelengths,
-        roulette: Roulette::default(),
-        max_depth: None,
-    };
+    let base = Integrator::new(a.seed.unwrap_or(d.sampler.seed), a.wavelengths, Roulette::default(), None);
     let studio = Studio {
         folder: &folder,
         size: [d.film.width, d.film.height],
@@ -88,7 +83,8 @@ pub fn run(a: &Compare, bar: bool) -> Outcome {
     let settled: Vec<(&str, Budget, Integrator, Settings)> = list
         .into_iter()
         .map(|(name, budget)| {
-            let integrator = Integrator { seed: seed(base.seed, name, &a.against), ..base.clone() };
+            let mut integrator = base.clone();
+            integrator.seed = seed(base.seed, name, &a.against);
             let settings = Settings::new(&loaded, &integrator, name, a.open, crop, &AOVS);
             (name, budget, integrator, settings)
         })

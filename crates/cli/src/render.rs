@@ -137,16 +137,12 @@ fn integrator(a: &Render, d: &SceneDescription) -> Integrator {
             d.integrator.max_depth
         );
     }
-    Integrator {
-        seed: a.seed.unwrap_or(d.sampler.seed),
-        wavelengths: a.wavelengths,
-        roulette: Roulette::default(),
-        max_depth: match a.max_depth {
-            None => None,
-            Some(MaxDepth::Scene) => Some(d.integrator.max_depth),
-            Some(MaxDepth::Count(n)) => Some(n),
-        },
-    }
+    let max_depth = match a.max_depth {
+        None => None,
+        Some(MaxDepth::Scene) => Some(d.integrator.max_depth),
+        Some(MaxDepth::Count(n)) => Some(n),
+    };
+    Integrator::new(a.seed.unwrap_or(d.sampler.seed), a.wavelengths, Roulette::default(), max_depth)
 }
 
 /// Returns the part of the picture to render: the one asked for, which must be within, or the file's.

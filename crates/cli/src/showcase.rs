@@ -41,12 +41,7 @@ pub fn run(bar: bool) -> Outcome {
     film.crop = [0, SIZE[0], 0, SIZE[1]];
     let d = &loaded.scene;
     let scene = render::build(d, None, "path")?;
-    let integrator = Integrator {
-        seed: d.sampler.seed,
-        wavelengths: WavelengthMode::Hero,
-        roulette: Roulette::default(),
-        max_depth: None,
-    };
+    let integrator = Integrator::new(d.sampler.seed, WavelengthMode::Hero, Roulette::default(), None);
     let film = Film::new([d.film.width, d.film.height], d.film.crop, 0, &[]);
     let job = Job {
         scene: &scene,

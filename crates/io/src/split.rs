@@ -14,6 +14,10 @@
 //! the halves. That of bias^2 comes from the spread within blocks of 2 x 2 pixels, whose noise is independent and whose bias is nearly the same; where it
 //! is not, the error is overestimated.
 //!
+//! Noise may be alike in neighbouring pixels: a renderer's points on a surface serve many. Both errors therefore take sums over blocks of several sizes for
+//! independent instead of pixels, whichever size gives the larger error; for bias^2 in what noise changes to first order, (M - R) (A - B) / D. Noise that is alike
+//! over larger parts than an eighth of the pixels remains unseen.
+//!
 //! *Use when* two pictures differ by a model and by noise at once. *Do not use when* pictures come without halves: [`crate::metrics::diff`] compares those.
 
 use moonmilk_core::Estimate;
@@ -159,6 +163,28 @@ struct Terms {
     noise: [f64; 2],
     /// bias^2, variance, and their sum.
     squares: [f64; 3],
+    /// What the picture's noise changes in bias^2, to first order.
+    first_order: f64,
+}
+
+/// Sides of the blocks whose noise counts as independent.
+const BLOCKS: [usize; 4] = [4, 8, 16, 32];
+/// Fewest blocks that say anything.
+const FEWEST_BLOCKS: usize = 8;
+
+/// Returns the variance of a sum over pixels of something of mean 0: the sum of the squares of pixels or of blocks, whichever is largest.
+fn correlated(all: &[Terms], width: usize, of: impl Fn(&Terms) -> f64) -> f64 {
+    let independent = all.iter().map(|t| of(t).powi(2)).sum::<f64>();
+    let across = |side: usize| width.div_ceil(side);
+    BLOCKS.iter().fold(independent, |largest, &side| {
+        let mut sums = vec![(0.0f64, false); across(side) * (all.len() / width).div_ceil(side)];
+        for (i, t) in all.iter().enumerate().filter(|(_, t)| t.channels > 0.0) {
+            let block = &mut sums[i / width / side * across(side) + i % width / side];
+            *block = (block.0 + of(t), true);
+        }
+        let occupied = sums.iter().filter(|s| s.1).count();
+        if occupied < FEWEST_BLOCKS { largest } else { largest.max(sums.iter().map(|s| s.0 * s.0).sum()) }
+    })
 }
 
 /// Returns the figures of the pixels and channels that `takes(pixel, channel)` names; `None` if there are none.
@@ -180,6 +206,7 @@ pub fn figures(
             t.reference += r;
             t.noise[0] += 0.5 * (a - b);
             t.noise[1] += s;
+            t.first_order += (0.5 * (a + b) - r) * (a - b) / d;
             let (bias, variance) = (((a - r) * (b - r) - s * s) / d, 0.25 * (a - b).powi(2) / d);
             [bias, variance, bias + variance].iter().zip(&mut t.squares).for_each(|(x, sum)| *sum += x);
         }
@@ -195,10 +222,11 @@ pub fn figures(
     let exact = sum(&|t| t.reference);
     let ratio = sum(&|t| t.test) / exact;
     // Noise of the ratio to first order.
-    let noise = sum(&|t| t.noise[0].powi(2) + (ratio * t.noise[1]).powi(2)).sqrt();
+    let noise = (correlated(&all, width, |t| t.noise[0]) + correlated(&all, width, |t| ratio * t.noise[1])).sqrt();
+    let alike = correlated(&all, width, |t| t.first_order) - sum(&|t| t.first_order.powi(2));
     let squares = [0, 1, 2].map(|k| Estimate {
         mean: sum(&|t| t.squares[k]) / items,
-        std_err: spread(&all, width, k).sqrt() / items,
+        std_err: (spread(&all, width, k) + if k == 1 { 0.0 } else { alike }).sqrt() / items,
         n: pixels,
     });
     let [bias2, variance, total] = squares;

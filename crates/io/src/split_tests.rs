@@ -74,6 +74,42 @@ fn bias_and_variance_have_the_right_expectation_and_standard_errors() {
 }
 
 #[test]
+fn noise_that_neighbours_share_is_in_the_standard_errors() {
+    // 64 x 64 pixels, each block of 8 x 8 with a common error of 3 % in each half, besides 5 % in each pixel: nearly all of the noise of the mean.
+    let width = 64;
+    let value = |i: usize| 0.5 + (i % width) as f32 / 64.0;
+    let draw = |key: [u64; 3]| (Stream::new(&key).uniform() - 0.5) * 12f32.sqrt();
+    let half = |seed: u64, bias: f32| -> Colour {
+        std::array::from_fn(|c| {
+            (0..width * width)
+                .map(|i| {
+                    let block = (i / width / 8 * 8 + i % width / 8) as u64;
+                    let own = draw([seed, 7 + c as u64, i as u64]);
+                    value(i) * (1.0 + bias + 0.03 * draw([seed, 3, block]) + 0.05 * own)
+                })
+                .collect()
+        })
+    };
+    let exact: Colour = std::array::from_fn(|_| (0..width * width).map(value).collect());
+    let w = weights(&exact, width);
+    let reference = Reference { deviation: std::array::from_fn(|_| vec![0.0; width * width]), mean: exact };
+    let mut found: [[Accumulator; 2]; 2] = Default::default();
+    for k in 0..300 {
+        let test = Halves { a: half(2 * k, 0.2), b: half(2 * k + 1, 0.2) };
+        let f = figures(&test, &reference, &w, width, |_, _| true).expect("pixels");
+        for (sum, e) in found.iter_mut().zip([f.ratio, f.bias2]) {
+            sum[0].add(e.mean);
+            sum[1].add(e.std_err * e.std_err);
+        }
+    }
+    for [mean, claimed] in found {
+        // 300 repetitions know a variance to 16 % at two standard errors; the largest of five sizes is a little too large on average.
+        let claimed = claimed.estimate().mean / mean.variance();
+        assert!(claimed > 0.8 && claimed < 1.7, "claimed / found {claimed}");
+    }
+}
+
+#[test]
 fn noise_of_the_reference_is_no_bias() {
     // The plain product with a noisy reference would find its variance, .02 of relMSE; ours is within 4 standard errors of 0.
     let test = halves(1, 0.1, |i, c| truth(i, c).0);

@@ -97,6 +97,7 @@ fn energy_is_gained_only_where_it_is_known_to_be() {
     // limit of the latter.
     let known: &[(&str, [f64; 3])] = &[
         ("photon-beam", [0.090, 0.028, 0.017]),
+        ("photon-beam-oblique", [0.090, 0.028, 0.017]),
         ("quantized", [0.151, 0.067, 0.048]),
         ("multipole", [0.151, 0.067, 0.048]),
         ("better-dipole", [0.151, 0.067, 0.048]),

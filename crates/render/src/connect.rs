@@ -5,6 +5,7 @@ use moonmilk_geometry::{Hit, Ray, Surface};
 use moonmilk_walk::{Medium, Roulette, Tally, Walker, heterogeneous};
 
 use crate::bsdf::Shaded;
+use crate::bssrdf::Arriving;
 use crate::integrator::{Counters, Light, Path};
 use crate::interior::{Interior, Standing};
 use crate::lights::LightSample;
@@ -222,7 +223,7 @@ fn opaque<const N: usize>(scene: &Scene, sample: LightSample<N>) -> Option<Light
     (alpha > 0.0).then(|| LightSample { radiance: sample.radiance * alpha, ..sample })
 }
 
-/// Samples a light from a surface and adds its contribution.
+/// Samples a light from a surface and adds its contribution; `arriving` is what else there is to say of light that enters a body of a model.
 pub(crate) fn at_surface<const N: usize>(
     scene: &Scene,
     path: &Path<N>,
@@ -231,6 +232,7 @@ pub(crate) fn at_surface<const N: usize>(
     surface: &Surface,
     point: &TexturePoint,
     bsdf: &Shaded<N>,
+    arriving: Option<&Arriving<N>>,
     n: Option<Vec3>,
     wavelengths: &Wavelengths<N>,
     rng: &mut Sampler,
@@ -272,6 +274,7 @@ pub(crate) fn at_surface<const N: usize>(
     }
     let passage = transmittance(scene, &from, sample.wi, sample.distance, wavelengths, rng, counters);
     if !passage.is_black() {
+        let f = arriving.map_or(f, |a| f * a.factor(sample.wi, rng));
         light.add(path.walker.collisions, weighed(&sample, path.walker.beta * f, path.walker.ratio, pdf, &passage));
     }
 }

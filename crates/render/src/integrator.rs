@@ -9,10 +9,13 @@
 //! probability of getting through the media since; a light that is hit and could have been sampled with density p_l
 //! counts with 1 / (1 + p_l / direction_pdf): the balance heuristic over wavelengths and strategies \[Miller2019\].
 
+use std::sync::Arc;
+
 use moonmilk_core::{Sampler, Spectrum, Vec3};
 use moonmilk_core::{WavelengthMode, Wavelengths};
 use moonmilk_walk::{Medium, Outcome, Roulette, Walker, classic};
 
+use crate::cloud::Cloud;
 use crate::connect;
 use crate::interior::{Exit, Interior, Standing};
 use crate::media::Matter;
@@ -44,6 +47,8 @@ pub struct Integrator {
     pub roulette: Roulette,
     /// Largest number of bounces, every collision and surface event counted as pbrt does; `None` for no limit.
     pub max_depth: Option<u32>,
+    /// The light that enters bodies of a model, for one sample number; from [`Integrator::for_sample`], and never needed: without it a path finds it alone.
+    cloud: Option<Arc<Cloud>>,
 }
 
 /// Radiance that a path collected, by number of collisions, and what it saw first.
@@ -171,6 +176,28 @@ pub(crate) struct Path<const N: usize> {
 }
 
 impl Integrator {
+    /// Returns the settings; all light is found by the paths themselves.
+    pub fn new(seed: u64, wavelengths: WavelengthMode, roulette: Roulette, max_depth: Option<u32>) -> Self {
+        Self { seed, wavelengths, roulette, max_depth, cloud: None }
+    }
+
+    /// Returns the integrator for one sample number of all pixels: with points on the bodies that a model renders, if that pays.
+    ///
+    /// A pure function of scene, settings and sample number; all threads take part in it.
+    pub fn for_sample(&self, scene: &Scene, sample: u64) -> Self {
+        Self { cloud: Cloud::new(scene, self, sample).map(Arc::new), ..self.clone() }
+    }
+
+    /// Returns the points' variate of the wavelengths, if there are points.
+    pub(crate) fn shared_wavelength(&self) -> Option<f32> {
+        self.cloud.as_ref().map(|c| c.wavelength)
+    }
+
+    /// Returns what making the points did: its counters, and the number of points whose light was not finite.
+    pub(crate) fn preparation(&self) -> Option<(&Counters, u64)> {
+        self.cloud.as_ref().map(|c| (&c.counters, c.invalid))
+    }
+
     /// Follows one path from the camera and adds what it finds to `light`.
     pub fn trace<const N: usize>(
         &self,

@@ -7,6 +7,7 @@
 pub mod bsdf;
 mod bssrdf;
 pub mod camera;
+mod cloud;
 mod connect;
 pub mod description;
 pub mod doctor;

@@ -15,6 +15,7 @@ use thiserror::Error;
 use crate::bsdf::boundary::near;
 use crate::bssrdf::Bank;
 use crate::camera::Camera;
+use crate::cloud::{self, Site};
 use crate::description::{FloatTextureId, MediumId, MediumKind, Place, SceneDescription, Warning};
 use crate::filter::Filter;
 use crate::lights::{self, LightError, Lights};
@@ -202,6 +203,11 @@ pub struct Object {
 }
 
 impl Object {
+    /// Returns the number of the set of bodies that act as one with it.
+    pub(crate) fn set(&self) -> u32 {
+        self.set
+    }
+
     /// Returns whether light that leaves this body may have entered another one.
     #[inline]
     pub(crate) fn is_one_with(&self, other: &Object) -> bool {
@@ -251,6 +257,8 @@ pub struct Scene {
     pub max_depth: u32,
     media: Vec<SceneMedium>,
     banks: Vec<Bank>,
+    /// Bodies of a model on which points are placed.
+    sites: Vec<Site>,
     similar: bool,
 }
 
@@ -304,8 +312,10 @@ impl Scene {
             max_depth: d.integrator.max_depth,
             media,
             banks,
+            sites: vec![],
             similar: options.similar,
         };
+        scene.sites = cloud::sites(&scene, f64::from(d.film.width) * f64::from(d.film.height));
         let eye = scene.camera.origin();
         scene.eye = (eye, scene.free_radius(eye), scene.nest_at(eye));
         Ok((scene, warnings))
@@ -315,6 +325,16 @@ impl Scene {
     #[inline]
     pub(crate) fn bank(&self, object: &Object) -> Option<&Bank> {
         object.bank.map(|i| &self.banks[i as usize])
+    }
+
+    /// Returns the bodies of a model on which points are placed.
+    pub(crate) fn sites(&self) -> &[Site] {
+        &self.sites
+    }
+
+    /// Returns the site of an object and its number, if it has one.
+    pub(crate) fn site(&self, object: &Object) -> Option<(usize, &Site)> {
+        self.sites.iter().enumerate().find(|(_, s)| s.set == object.set)
     }
 
     /// Returns a medium at the wavelengths of a path; `None` if it is empty.

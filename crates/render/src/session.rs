@@ -61,6 +61,36 @@ pub fn render(
     stop: &AtomicBool,
     progress: &AtomicU64,
 ) -> Statistics {
+    let mut statistics = Statistics::default();
+    // Go through sample numbers together: what is made once for each serves all tiles.
+    loop {
+        let from = film.first + film.samples();
+        if from >= end || stop.load(Ordering::Relaxed) {
+            return statistics;
+        }
+        let to = if scene.sites().is_empty() { end } else { end.min((from / CHUNK + 1) * CHUNK) };
+        let prepared: Vec<Integrator> = match scene.sites() {
+            [] => vec![integrator.clone()],
+            _ => (from..to).map(|s| integrator.for_sample(scene, s)).collect(),
+        };
+        for (counters, invalid) in prepared.iter().filter_map(Integrator::preparation) {
+            statistics.counters.merge(counters);
+            statistics.invalid += invalid;
+        }
+        let of = |s: u64| &prepared[((s - from) as usize).min(prepared.len() - 1)];
+        statistics.merge(&tiles(scene, &of, film, to, stop, progress));
+    }
+}
+
+/// Renders each tile up to sample number `end`.
+fn tiles<'a>(
+    scene: &Scene,
+    integrator: &(impl Fn(u64) -> &'a Integrator + Sync),
+    film: &Film,
+    end: u64,
+    stop: &AtomicBool,
+    progress: &AtomicU64,
+) -> Statistics {
     (0..film.tile_count())
         .into_par_iter()
         .with_max_len(1)
@@ -83,6 +113,7 @@ pub fn render(
                         return statistics;
                     }
                     for s in from..to {
+                        let integrator = integrator(s);
                         let value = sample(scene, integrator, pixel, s, &mut statistics.counters);
                         let mut dither = Stream::new(&[
                             integrator.seed,
@@ -111,6 +142,8 @@ pub fn render(
 }
 
 /// Returns one sample of one pixel: a pure function of scene, settings, pixel and sample number.
+///
+/// The integrator is that of [`Integrator::for_sample`].
 pub fn sample(
     scene: &Scene,
     integrator: &Integrator,
@@ -135,7 +168,8 @@ fn sample_lanes<const N: usize>(
     let mut rng = Sampler::new(integrator.seed, pixel[0], pixel[1], sample);
     let offset = rng.uniform2();
     let lens = rng.uniform2();
-    let wavelengths = Wavelengths::<N>::sample(integrator.wavelengths, rng.uniform());
+    let u = rng.uniform();
+    let wavelengths = Wavelengths::<N>::sample(integrator.wavelengths, integrator.shared_wavelength().unwrap_or(u));
     let ([dx, dy], weight) = scene.filter.sample(offset);
     let film = moonmilk_core::Vec2::new(pixel[0] as f32 + 0.5 + dx, pixel[1] as f32 + 0.5 + dy);
     let (o, d) = scene.camera.ray(film, lens);

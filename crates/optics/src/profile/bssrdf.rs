@@ -82,5 +82,26 @@ pub trait Bssrdf: Send + Sync {
     }
 }
 
+/// A BSSRDF in full, by one random sample of what its formula integrates: what a renderer needs where a table over all directions would be large.
+pub trait Directed: Send + Sync + std::fmt::Debug {
+    /// Returns an estimate, from uniform variates u, of $M = \pi N S / (T(\omega_i) T(\omega_o))$ \[1/L^2\]: the exitance per unit of entered power of light that leaves
+    /// diffusely; 0 where no light enters. Its mean over u is the model.
+    fn estimate(&self, at: &Placement, u: [f64; 4]) -> f64;
+}
+
+/// Returns a distance along a ray and its density \[1/L\]: exponential of mean `mfp` for u below 1/2, else equiangular about the point at distance `nearest`, from which the target
+/// is `h` away; the density is that of both together \[Kulla2012\].
+pub(crate) fn equiangular(nearest: f64, h: f64, mfp: f64, choice: f64, u: f64) -> (f64, f64) {
+    let h = h.max(1e-9 * mfp);
+    let first = (-nearest / h).atan();
+    let width = 0.5 * PI - first;
+    let t = if choice < 0.5 { -mfp * (1.0 - u).ln() } else { (nearest + h * (first + width * u).tan()).max(0.0) };
+    let along = t - nearest;
+    let density = 0.5 * (-t / mfp).exp() / mfp + 0.5 * h / (width * (h * h + along * along));
+    (t, density)
+}
+
+/// How a [`Directed`] is built.
+pub(crate) type BuildDirected = fn(&OpticalProperties) -> Result<Box<dyn Directed>, Error>;
 /// How a BSSRDF is built.
 pub(crate) type BuildBssrdf = fn(&OpticalProperties) -> Result<Box<dyn Bssrdf>, Error>;

@@ -22,7 +22,7 @@ use crate::boundary::Boundary;
 use crate::error::Error;
 use crate::properties::OpticalProperties;
 
-use super::bssrdf::{Bssrdf, Placement};
+use super::bssrdf::{Bssrdf, Directed, Placement};
 use super::model::{RadialModel, Slopes, build};
 use super::table::radial_rule;
 use super::{Info, Kind, Profile};
@@ -105,6 +105,25 @@ impl<T: Real> RadialModel<T> for DirectionalDipole<T> {
         }
         sum
     }
+}
+
+impl std::fmt::Debug for Directional {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        self.dipole.fmt(f)
+    }
+}
+
+impl Directed for Directional {
+    /// In closed form, without chance.
+    fn estimate(&self, at: &Placement, _: [f64; 4]) -> f64 {
+        self.exitance(at)
+    }
+}
+
+/// Builds the model for rendering.
+pub(crate) fn directed(medium: &OpticalProperties) -> Result<Box<dyn Directed>, Error> {
+    let profile = build::<DirectionalDipole, DirectionalDipole<Slopes>>(&INFO, medium)?;
+    Ok(Box::new(Directional { dipole: DirectionalDipole::new(medium)?, profile }))
 }
 
 /// The directional dipole as a BSSRDF.

@@ -33,6 +33,8 @@ use moonmilk_core::{DVec3, Real};
 use crate::error::{Error, within};
 use crate::properties::OpticalProperties;
 
+pub(crate) mod directed;
+
 use super::model::RadialModel;
 use super::single::Single;
 use super::table::growing_breaks;

@@ -64,7 +64,7 @@ mod prepared;
 mod registry;
 pub mod table;
 
-pub use bssrdf::{Bssrdf, Placement};
+pub use bssrdf::{Bssrdf, Directed, Placement};
 pub use distance::{Distance, distance};
 pub use model::{RadialModel, Slopes};
 pub use prepared::Prepared;

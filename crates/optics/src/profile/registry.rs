@@ -5,7 +5,7 @@ use moonmilk_core::spectra::nearest;
 use crate::error::{Error, ErrorKind};
 use crate::properties::OpticalProperties;
 
-use super::bssrdf::{Bssrdf, BuildBssrdf};
+use super::bssrdf::{Bssrdf, BuildBssrdf, BuildDirected, Directed};
 use super::model::build;
 use super::{Info, Prepared, Profile};
 use super::{
@@ -23,6 +23,7 @@ pub struct Model {
     pub info: &'static Info,
     build: Build,
     bssrdf: Option<BuildBssrdf>,
+    directed: Option<BuildDirected>,
 }
 
 impl Model {
@@ -40,6 +41,13 @@ impl Model {
         self.bssrdf.map(|f| f(medium))
     }
 
+    /// Returns the model in full for rendering, if it knows directions; at normal incidence and over all directions of view it is the profile.
+    ///
+    /// *Errors*: as [`Model::build`].
+    pub fn directed(&self, medium: &OpticalProperties) -> Option<Result<Box<dyn Directed>, Error>> {
+        self.directed.map(|f| f(medium))
+    }
+
     /// Returns the profile baked for rendering.
     ///
     /// *Errors*: as [`Model::build`].
@@ -50,10 +58,10 @@ impl Model {
 
 macro_rules! model {
     ($info:expr, $model:ident :: $name:ident) => {
-        Model { info: &$info, build: build::<$model::$name<f64>, $model::$name<super::Slopes>>, bssrdf: None }
+        Model { info: &$info, build: build::<$model::$name<f64>, $model::$name<super::Slopes>>, bssrdf: None, directed: None }
     };
-    ($info:expr, $model:ident :: $name:ident, $bssrdf:expr) => {
-        Model { bssrdf: Some($bssrdf), ..model!($info, $model::$name) }
+    ($info:expr, $model:ident :: $name:ident, $($field:ident: $build:expr),+) => {
+        Model { $($field: Some($build),)+ ..model!($info, $model::$name) }
     };
 }
 
@@ -67,10 +75,11 @@ pub static MODELS: &[Model] = &[
     model!(better_dipole::INFO, better_dipole::BetterDipole),
     model!(quantized::INFO, quantized::Quantized),
     model!(quantized::AS_PUBLISHED, quantized::Gaussians),
-    model!(photon_beam::INFO, photon_beam::PhotonBeam, oblique::bssrdf),
-    model!(directional_dipole::INFO, directional_dipole::DirectionalDipole, directional_dipole::bssrdf),
-    model!(dual_beam::INFO, dual_beam::DualBeam),
-    model!(dual_beam::AS_PUBLISHED, dual_beam::AsPublished),
+    model!(photon_beam::INFO, photon_beam::PhotonBeam, bssrdf: oblique::bssrdf),
+    model!(oblique::INFO, photon_beam::PhotonBeam, bssrdf: oblique::bssrdf, directed: oblique::directed),
+    model!(directional_dipole::INFO, directional_dipole::DirectionalDipole, bssrdf: directional_dipole::bssrdf, directed: directional_dipole::directed),
+    model!(dual_beam::INFO, dual_beam::DualBeam, directed: dual_beam::directed::corrected),
+    model!(dual_beam::AS_PUBLISHED, dual_beam::AsPublished, directed: dual_beam::directed::as_published),
     model!(multipole::INFO, multipole::HalfSpace),
     model!(multipole::AS_PUBLISHED, multipole::AsPublished),
     model!(normalized::INFO, normalized::Normalized),

@@ -153,7 +153,7 @@ fn alone(d: &SceneDescription, body: &Body, kind: MediumKind, radiance: f32) -> 
 
 /// Returns the mean radiance of n rays of uniform light through the sphere around the object.
 fn measure(alone: &Alone, n: u64, seed: u64, roulette: Roulette) -> (Estimate, Counters) {
-    let integrator = Integrator { seed, wavelengths: WavelengthMode::MONO, roulette, max_depth: None };
+    let integrator = Integrator::new(seed, WavelengthMode::MONO, roulette, None);
     let w = Wavelengths::<1>::Fixed(550.0);
     let parts: Vec<(Accumulator, Counters)> = (0..PARTS)
         .into_par_iter()

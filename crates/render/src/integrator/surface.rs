@@ -1,16 +1,16 @@
 //! What a path does at a surface.
 
-use moonmilk_core::{Frame, Random, Sampler, Wavelengths};
+use moonmilk_core::{Frame, Random, Sampler, Spectrum, Wavelengths};
 use moonmilk_geometry::{Hit, Surface};
-use moonmilk_walk::Medium;
+use moonmilk_walk::{Medium, Walker};
 
 use super::{Counters, Integrator, Light, Path, SURE_BOUNCES, balance};
 use crate::bsdf::boundary::branches;
 use crate::bsdf::{Bsdf, Crossing, Kind, Shaded};
-use crate::bssrdf::{self, Bank};
+use crate::bssrdf::{Arriving, Bank, Exit, Slant};
 use crate::connect;
 use crate::interior::Standing;
-use crate::nest::Meeting;
+use crate::nest::{Meeting, Nest};
 use crate::scene::{Boundary, Object, Scene};
 use crate::texture::TexturePoint;
 use crate::touch::{self, Arrival};
@@ -163,7 +163,21 @@ impl Integrator {
         let both_sides = bsdf.bsdf.transmits();
         if !bsdf.bsdf.is_specular() {
             let n = (!both_sides).then_some(if wo.dot(surface.ng) > 0.0 { surface.ng } else { -surface.ng });
-            connect::at_surface(scene, path, object, hit, surface, &point, &bsdf, n, wavelengths, rng, light, counters);
+            connect::at_surface(
+                scene,
+                path,
+                object,
+                hit,
+                surface,
+                &point,
+                &bsdf,
+                None,
+                n,
+                wavelengths,
+                rng,
+                light,
+                counters,
+            );
         }
         let (uc, u) = (rng.uniform(), rng.uniform2());
         let Some(s) = bsdf.sample(wo, uc, u) else {
@@ -261,31 +275,134 @@ impl Integrator {
         let Some((bank, medium)) = bank else {
             return false;
         };
-        let Some(entered) = bssrdf::enter(scene, bank, object, surface.p, surface.ng, &medium, &path.walker.beta, rng)
-        else {
+        let site = self.cloud.as_ref().and_then(|_| scene.site(object));
+        let Some(exit) = Exit::new(bank, &medium, site.map_or(0.0, |s| s.1.density)) else {
             return false;
         };
-        let (hit, surface) = (entered.hit, entered.surface);
-        let object = &scene.objects[hit.shape as usize];
-        let point = TexturePoint { p: surface.p, n: surface.ng, uv: surface.uv };
-        path.walker.beta *= entered.weight;
         // Scattered many times.
         path.walker.collisions += 2;
         counters.probes += 1;
+        if let (Some(cloud), Some((site, _)), true) = (&self.cloud, site, exit.has_points()) {
+            let out = cloud.gather(site, &exit, &medium, surface.p);
+            light.add(path.walker.collisions, path.walker.beta * out);
+        }
+        let w_o = -path.walker.d;
+        let Some(entered) = exit.enter(scene, object, surface.p, surface.ng, &path.walker.beta, rng) else {
+            return false;
+        };
+        path.walker.beta *= entered.weight;
+        let (hit, at) = (entered.hit, &entered.surface);
+        let slant = exit.slant(surface.p, surface.ng, w_o, at.p, at.ng);
+        self.receive(scene, path, bank, slant, hit, at, wavelengths, rng, light, counters)
+    }
+
+    /// Looks for the light that enters a body at a point; returns whether the path goes on.
+    fn receive<const N: usize>(
+        &self,
+        scene: &Scene,
+        path: &mut Path<N>,
+        bank: &Bank,
+        slant: Option<Slant<N>>,
+        hit: Hit,
+        surface: &Surface,
+        wavelengths: &Wavelengths<N>,
+        rng: &mut Sampler,
+        light: &mut Light<N>,
+        counters: &mut Counters,
+    ) -> bool {
+        let object = &scene.objects[hit.shape as usize];
+        let point = TexturePoint { p: surface.p, n: surface.ng, uv: surface.uv };
         path.walker.p = surface.p;
         path.walker.d = -surface.ng;
         path.stand(object, hit, true);
-        let bsdf = Shaded { bsdf: Bsdf::Entry(bank.entry), frame: Frame::new(surface.ns), ng: surface.ng };
+        // A rough boundary lets in what its facets do.
+        let facets = match object.boundary {
+            Boundary::Scattering => {
+                let own = scene.materials.resolve(
+                    object.material,
+                    &scene.textures,
+                    surface,
+                    &point,
+                    wavelengths,
+                    rng.uniform(),
+                );
+                match own.bsdf {
+                    Bsdf::Dielectric(d) => d.rough().map(|ggx| (ggx, own.frame)),
+                    _ => None,
+                }
+            }
+            _ => None,
+        };
+        let entry = bank.entry(facets.map(|f| f.0));
+        let frame = facets.map_or_else(|| Frame::new(surface.ns), |f| f.1);
+        let arriving = Arriving { slant, rough: facets.map(|_| (entry, frame)) };
+        let arriving = (arriving.slant.is_some() || arriving.rough.is_some()).then_some(&arriving);
+        let bsdf = Shaded { bsdf: Bsdf::Entry(entry), frame, ng: surface.ng };
         let n = Some(surface.ng);
-        connect::at_surface(scene, path, object, hit, &surface, &point, &bsdf, n, wavelengths, rng, light, counters);
+        connect::at_surface(
+            scene,
+            path,
+            object,
+            hit,
+            surface,
+            &point,
+            &bsdf,
+            arriving,
+            n,
+            wavelengths,
+            rng,
+            light,
+            counters,
+        );
         let (uc, u) = (rng.uniform(), rng.uniform2());
         let Some(s) = bsdf.sample(surface.ng, uc, u) else {
             return false;
         };
         path.walker.beta *= s.weight(bsdf.cos(s.wi));
+        if let Some(arriving) = arriving {
+            path.walker.beta *= arriving.factor(s.wi, rng);
+        }
         path.turn(s.wi, Some(s.pdf));
         path.normal = n;
         self.survives(path, rng)
+    }
+
+    /// Returns the light that enters a body of a model at a point of its surface: one light sample and one path.
+    ///
+    /// No other body reaches to there ([`crate::cloud::sites`]).
+    pub(crate) fn entering<const N: usize>(
+        &self,
+        scene: &Scene,
+        hit: Hit,
+        surface: &Surface,
+        wavelengths: &Wavelengths<N>,
+        rng: &mut Sampler,
+        counters: &mut Counters,
+    ) -> Spectrum<N> {
+        let object = &scene.objects[hit.shape as usize];
+        let Some(bank) = scene.bank(object) else {
+            return Spectrum::ZERO;
+        };
+        let around = scene.camera_medium.and_then(|m| scene.medium::<N>(m, wavelengths));
+        let medium = scene.medium_outside(object, wavelengths, around);
+        let mut path = Path {
+            walker: Walker::new(surface.p, -surface.ng),
+            medium,
+            ambient: medium,
+            inside: Nest::default(),
+            standing: Standing::Space,
+            normal: None,
+            depth: 0,
+            bounces: 0,
+            seen: true,
+            whole: false,
+            escape: None,
+        };
+        let mut light = Light::default();
+        if self.receive(scene, &mut path, bank, None, hit, surface, wavelengths, rng, &mut light, counters) {
+            self.follow(scene, &mut path, wavelengths, rng, &mut light, counters);
+        }
+        light.orders[0] + light.orders[1] + light.orders[2]
     }
 
     /// Ends paths of little weight, keeping the mean.
@@ -294,7 +411,8 @@ impl Integrator {
         if path.bounces <= SURE_BOUNCES {
             return true;
         }
-        match self.roulette.play(path.walker.beta.max_value() * path.walker.eta_scale, rng) {
+        // Weights may be negative where a model is.
+        match self.roulette.play(path.walker.beta.map(f32::abs).max_value() * path.walker.eta_scale, rng) {
             Some(factor) => {
                 path.walker.beta *= factor;
                 true

@@ -329,18 +329,29 @@ pub struct Tracer {
 
 impl Tracer {
     pub fn new(scene: Scene) -> Self {
-        let integrator =
-            Integrator { seed: 1, wavelengths: WavelengthMode::MONO, roulette: Default::default(), max_depth: None };
+        let integrator = Integrator::new(1, WavelengthMode::MONO, Default::default(), None);
         Self { scene, integrator, counters: Mutex::default() }
     }
 
     /// Returns what path number i finds from a point in a direction, and what it did.
     pub fn follow<const N: usize>(&self, i: u64, o: Vec3, d: Vec3, w: &Wavelengths<N>) -> (Light<N>, Counters) {
+        self.follow_by(&self.integrator, i, o, d, w)
+    }
+
+    /// The same by another integrator.
+    pub fn follow_by<const N: usize>(
+        &self,
+        integrator: &Integrator,
+        i: u64,
+        o: Vec3,
+        d: Vec3,
+        w: &Wavelengths<N>,
+    ) -> (Light<N>, Counters) {
         // Give every path a stream of its own, so that errors are those of independent samples.
         let mut rng = Sampler::new(self.integrator.seed, i as u32, (i >> 32) as u32, 0);
         rng.skip_to(SOBOL_DIMENSIONS);
         let (mut light, mut counters) = (Light::default(), Counters::default());
-        self.integrator.trace(&self.scene, o, d, w, &mut rng, &mut light, &mut counters);
+        integrator.trace(&self.scene, o, d, w, &mut rng, &mut light, &mut counters);
         self.counters.lock().expect("no test panics while it holds this").merge(&counters);
         (light, counters)
     }
