@@ -8,6 +8,7 @@ use moonmilk_render::description::{SceneDescription, Warning};
 use moonmilk_render::film::Film;
 use moonmilk_render::integrator::Integrator;
 use moonmilk_render::scene::{OpenPolicy, Scene, SceneOptions};
+use moonmilk_render::walks;
 use moonmilk_walk::Roulette;
 
 use crate::args::{MaxDepth, Open, Render};
@@ -169,7 +170,7 @@ pub fn warn(warnings: &[Warning]) {
 
 /// Builds the scene and prints its warnings.
 ///
-/// `subsurface` is `path` for exact walks, `similarity-1` for those in the similar isotropic medium, or the name of a model.
+/// `subsurface` is the name of a walk or of a model.
 pub fn build(d: &SceneDescription, open: Option<Open>, subsurface: &str) -> Result<Scene, Failure> {
     let (scene, warnings) = make(d, open, subsurface)?;
     warn(&warnings);
@@ -188,10 +189,9 @@ pub fn make(d: &SceneDescription, open: Option<Open>, subsurface: &str) -> Resul
             ));
         }
     };
-    let similar = subsurface == "similarity-1";
-    let model = match subsurface {
-        "path" | "similarity-1" => None,
-        name => Some(moonmilk_optics::profile::find(name).map_err(|e| Failure::Usage(e.to_string()))?),
+    let (model, similar) = match walks::find(subsurface) {
+        Some(walk) => (None, walk.similar),
+        None => (Some(moonmilk_optics::profile::find(subsurface).map_err(|e| Failure::Usage(e.to_string()))?), None),
     };
     Scene::new(d, &SceneOptions { open, model, similar }).map_err(|e| {
         let help = if matches!(e, moonmilk_render::scene::SceneError::Open { .. }) {

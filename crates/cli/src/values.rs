@@ -5,6 +5,7 @@ use std::time::Duration;
 use moonmilk_core::wavelengths::WavelengthMode;
 use moonmilk_optics::profile::MODELS;
 use moonmilk_render::film::Aov;
+use moonmilk_render::walks::WALKS;
 
 use crate::args::{AovList, MaxDepth, Unit};
 
@@ -12,12 +13,12 @@ use crate::args::{AovList, MaxDepth, Unit};
 const LONGEST: f64 = 3.2e7;
 
 /// Names of the ways to solve the inside that the design has and this version lacks.
-const PLANNED: [&str; 4] = ["hybrid", "similarity-3", "jump-shifted", "diffusion"];
-const WALKS: [&str; 4] = ["classic", "jump", "guided", "auto"];
+const PLANNED: [&str; 3] = ["hybrid", "jump-shifted", "diffusion"];
+const POLICIES: [&str; 4] = ["classic", "jump", "guided", "auto"];
 
 /// Returns the names of all ways to solve the inside that this version has.
 pub fn subsurface_names() -> impl Iterator<Item = &'static str> + Clone {
-    ["path", "similarity-1"].into_iter().chain(MODELS.iter().map(|m| m.info.name))
+    WALKS.iter().map(|w| w.info.name).chain(MODELS.iter().map(|m| m.info.name))
 }
 
 /// Names of ways to solve the inside; `None` stands for all.
@@ -39,7 +40,7 @@ pub fn subsurface_list(s: &str) -> Result<SubsurfaceList, String> {
     Ok(SubsurfaceList(Some(names)))
 }
 
-/// Returns the name of a way to solve the inside: `path`, or a model of the registry.
+/// Returns the name of a way to solve the inside: a walk, or a model of the registry.
 pub fn subsurface(s: &str) -> Result<String, String> {
     let available = subsurface_names();
     if available.clone().any(|name| name == s) {
@@ -57,10 +58,12 @@ pub fn subsurface(s: &str) -> Result<String, String> {
 pub fn walk(s: &str) -> Result<String, String> {
     match s {
         "classic" | "auto" => Ok(s.into()),
-        _ if WALKS.contains(&s) => {
+        _ if POLICIES.contains(&s) => {
             Err(format!("\"{s}\" is planned but not in this version; available: classic, auto (= classic)"))
         }
-        _ => Err(format!("there is no \"{s}\"; did you mean \"{}\"? (available: classic, auto)", nearest(s, &WALKS))),
+        _ => {
+            Err(format!("there is no \"{s}\"; did you mean \"{}\"? (available: classic, auto)", nearest(s, &POLICIES)))
+        }
     }
 }
 
@@ -203,8 +206,7 @@ mod tests {
         assert!((fraction("2%").expect("valid") - 0.02).abs() < 1e-15);
         assert!(fraction("0").is_err() && crop("1,1,0,2").is_err() && range("5..5").is_err());
         let unknown = subsurface("photn-beam").expect_err("unknown");
-        let start =
-            "there is no \"photn-beam\"; did you mean \"photon-beam\"? (available: path, similarity-1, gaussian, ";
+        let start = "there is no \"photn-beam\"; did you mean \"photon-beam\"? (available: path, similarity-1, similarity-3, gaussian, ";
         assert!(unknown.starts_with(start), "{unknown}");
         assert!(subsurface("hybrid").expect_err("planned").contains("planned"));
         assert_eq!(subsurface("photon-beam").as_deref(), Ok("photon-beam"));

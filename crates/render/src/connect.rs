@@ -2,7 +2,7 @@
 
 use moonmilk_core::{Random, Sampler, Spectrum, Vec3, Wavelengths};
 use moonmilk_geometry::{Hit, Ray, Surface};
-use moonmilk_walk::{Medium, Roulette, Tally, Walker, heterogeneous};
+use moonmilk_walk::{Medium, PhaseFunction, Roulette, Tally, Walker, heterogeneous};
 
 use crate::bsdf::Shaded;
 use crate::bssrdf::Arriving;
@@ -68,7 +68,7 @@ impl<const N: usize> Passage<N> {
     ) {
         let (t, scatters) = match matter {
             None => return,
-            Some(Matter::Homogeneous(m)) => (m.transmittance(distance), !m.sigma_s.is_black()),
+            Some(Matter::Homogeneous(m) | Matter::Similar(m, _)) => (m.transmittance(distance), !m.sigma_s.is_black()),
             Some(Matter::Field(id)) => {
                 let field = scene.field(*id, wavelengths);
                 let weight = self.t.max_value() * self.survival;
@@ -296,9 +296,9 @@ pub(crate) struct InMedium<'a, 'b, const N: usize> {
     pub through: Option<Through<'a>>,
 }
 
-impl<const N: usize> Tally<N, Sampler> for InMedium<'_, '_, N> {
+impl<const N: usize, P: PhaseFunction> Tally<N, Sampler, P> for InMedium<'_, '_, N> {
     #[inline]
-    fn collision(&mut self, walker: &mut Walker<N>, medium: &Medium<N>, arrived: Spectrum<N>, rng: &mut Sampler) {
+    fn collision(&mut self, walker: &mut Walker<N>, medium: &Medium<N, P>, arrived: Spectrum<N>, rng: &mut Sampler) {
         if let Some(emission) = medium.emission {
             self.light.add(walker.collisions - 1, arrived * medium.sigma_a * emission);
         }
@@ -313,7 +313,7 @@ impl<const N: usize> Tally<N, Sampler> for InMedium<'_, '_, N> {
             let room = self.interior.room_at(walker.p);
             // In a field the coefficients here say nothing about the way to the wall.
             let through = match self.around {
-                Matter::Homogeneous(_) => (-medium.sigma_t.min_value() * room).exp().min(1.0),
+                Matter::Homogeneous(_) | Matter::Similar(..) => (-medium.sigma_t.min_value() * room).exp().min(1.0),
                 Matter::Field(_) => 1.0,
             };
             let probability = if through > 0.5 { 1.0 } else { (2.0 * through).max(LEAST) };
@@ -343,7 +343,7 @@ impl<const N: usize> Tally<N, Sampler> for InMedium<'_, '_, N> {
         self.through.as_ref().map_or(0.0, |t| t.sight(&self.interior.began(), walker.p, walker.d))
     }
 
-    fn glimpse(&mut self, walker: &Walker<N>, medium: &Medium<N>, t: f32) {
+    fn glimpse(&mut self, walker: &Walker<N>, medium: &Medium<N, P>, t: f32) {
         let Some(through) = &self.through else { return };
         let ray = Ray::new(walker.p, walker.d);
         if let Some((hit, p, ng, ns)) = self.interior.ahead(&ray) {
@@ -354,7 +354,13 @@ impl<const N: usize> Tally<N, Sampler> for InMedium<'_, '_, N> {
 }
 
 impl<const N: usize> InMedium<'_, '_, N> {
-    fn sample_light(&mut self, walker: &Walker<N>, medium: &Medium<N>, beta: Spectrum<N>, rng: &mut Sampler) {
+    fn sample_light<P: PhaseFunction>(
+        &mut self,
+        walker: &Walker<N>,
+        medium: &Medium<N, P>,
+        beta: Spectrum<N>,
+        rng: &mut Sampler,
+    ) {
         let u = [rng.uniform(), rng.uniform(), rng.uniform()];
         let Some(sample) = self.scene.lights.sample(walker.p, None, self.wavelengths, u) else {
             return;

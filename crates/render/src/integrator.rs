@@ -280,10 +280,13 @@ impl Integrator {
             path.walker.p = surface.p;
             return self.meet(scene, path, hit, &surface, wavelengths, rng, light, counters);
         }
-        let medium = match path.medium {
-            None => return self.step_outside(scene, path, wavelengths, rng, light, counters),
-            Some(Matter::Field(id)) => return self.step_field(scene, path, id, wavelengths, rng, light, counters),
-            Some(Matter::Homogeneous(medium)) => medium,
+        let Some(matter) = path.medium else {
+            return self.step_outside(scene, path, wavelengths, rng, light, counters);
+        };
+        let (medium, scatterers) = match matter {
+            Matter::Field(id) => return self.step_field(scene, path, id, wavelengths, rng, light, counters),
+            Matter::Homogeneous(medium) => (medium, None),
+            Matter::Similar(medium, i) => (medium, Some(scene.scatterers(i))),
         };
         if medium.sigma_s.is_black() {
             return self.step_absorbing(scene, path, &medium, wavelengths, rng, light, counters);
@@ -306,12 +309,15 @@ impl Integrator {
             interior: &interior,
             inside: &path.inside,
             ambient: path.ambient,
-            around: Matter::Homogeneous(medium),
+            around: matter,
             connects,
             through,
         };
         let limits = classic::Limits { roulette: self.roulette, collisions: collisions.saturating_add(limit) };
-        let outcome = classic::walk(&interior, &medium, &limits, &mut path.walker, &mut tally, rng);
+        let outcome = match scatterers {
+            None => classic::walk(&interior, &medium, &limits, &mut path.walker, &mut tally, rng),
+            Some(s) => classic::walk(&interior, &medium.under(&s.law), &limits, &mut path.walker, &mut tally, rng),
+        };
         counters.segments += interior.segments();
         self.after_walk(scene, path, outcome, collisions, wavelengths, rng, light, counters)
     }

@@ -26,3 +26,4 @@ mod snag;
 pub mod texture;
 mod through;
 mod touch;
+pub mod walks;

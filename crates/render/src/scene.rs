@@ -3,20 +3,21 @@
 mod instances;
 mod models;
 mod objects;
+mod similar;
 
 use std::sync::{Arc, OnceLock};
 
 use moonmilk_core::{Spectrum, Vec3, Wavelengths};
 use moonmilk_geometry::{Accel, Body, Bounds, Facing, Hit, Ray, Room, Surface};
 use moonmilk_optics::profile::Model;
-use moonmilk_walk::Medium;
+use moonmilk_walk::{Medium, Similar};
 use thiserror::Error;
 
 use crate::bsdf::boundary::near;
 use crate::bssrdf::Bank;
 use crate::camera::Camera;
 use crate::cloud::{self, Site};
-use crate::description::{FloatTextureId, MediumId, MediumKind, Place, SceneDescription, Warning};
+use crate::description::{FloatTextureId, MediumId, Place, SceneDescription, Warning};
 use crate::filter::Filter;
 use crate::lights::{self, LightError, Lights};
 use crate::material::{MaterialError, Materials};
@@ -26,6 +27,7 @@ use crate::texture::{TexturePoint, Textures};
 use instances::Built;
 pub use objects::build_shape;
 use objects::finish_objects;
+pub use similar::Similarity;
 
 /// Cells of a body's grid of free room, one byte each.
 const CLEARANCE_CELLS: usize = 1 << 21;
@@ -49,8 +51,8 @@ pub struct SceneOptions {
     pub open: OpenPolicy,
     /// The model that renders translucent bodies; `None` for exact walks inside.
     pub model: Option<&'static Model>,
-    /// Whether homogeneous media are replaced by isotropic ones that are similar in the first order, see [`Medium::similar`].
-    pub similar: bool,
+    /// The similar media that homogeneous ones are exchanged for; `None` for none.
+    pub similar: Option<Similarity>,
 }
 
 /// Why a scene cannot be rendered.
@@ -259,7 +261,8 @@ pub struct Scene {
     banks: Vec<Bank>,
     /// Bodies of a model on which points are placed.
     sites: Vec<Site>,
-    similar: bool,
+    similar: Option<Similarity>,
+    scatterers: Vec<Similar>,
 }
 
 impl Scene {
@@ -286,11 +289,13 @@ impl Scene {
         let accel = instances::accelerate(d, shapes, groups, &places)?;
         let points: Vec<Vec3> = d.lights.iter().filter_map(lights::position).collect();
         finish_objects(&mut objects, &accel, d, &points);
-        if options.similar && d.media.iter().any(|m| !matches!(m.kind, MediumKind::Homogeneous { .. })) {
-            let message =
-                "media that differ from place to place are walked through as they are, without similarity".into();
-            warnings.push(Warning { place: None, message });
+        if options.similar.is_some() {
+            similar::warn(d, &mut warnings);
         }
+        let scatterers = match options.similar {
+            Some(Similarity::Third) => similar::scatterers(d),
+            _ => vec![],
+        };
         let banks = match options.model {
             Some(model) => models::choose(model, d, &mut objects, &mut warnings)?,
             None => vec![],
@@ -314,6 +319,7 @@ impl Scene {
             banks,
             sites: vec![],
             similar: options.similar,
+            scatterers,
         };
         scene.sites = cloud::sites(&scene, f64::from(d.film.width) * f64::from(d.film.height));
         let eye = scene.camera.origin();
@@ -345,11 +351,6 @@ impl Scene {
         }
     }
 
-    /// Returns the matter of a homogeneous medium as it is walked through.
-    fn homogeneous<const N: usize>(&self, medium: Medium<N>) -> Matter<N> {
-        Matter::Homogeneous(if self.similar { medium.similar() } else { medium })
-    }
-
     /// Returns a field of the scene at the wavelengths of a path.
     pub(crate) fn field<const N: usize>(&self, id: MediumId, w: &Wavelengths<N>) -> FieldAt<'_, N> {
         match &self.media[id] {
@@ -361,7 +362,7 @@ impl Scene {
     /// Returns a homogeneous medium of a medium's mean coefficients; `None` if it is empty.
     pub(crate) fn mean_medium<const N: usize>(&self, id: MediumId, w: &Wavelengths<N>) -> Option<Medium<N>> {
         self.medium(id, w).map(|m| match m {
-            Matter::Homogeneous(m) => m,
+            Matter::Homogeneous(m) | Matter::Similar(m, _) => m,
             Matter::Field(id) => self.field(id, w).mean(),
         })
     }
@@ -525,7 +526,7 @@ impl Scene {
             _ => None,
         };
         let medium = medium.map(|m| match m {
-            Matter::Homogeneous(m) => m,
+            Matter::Homogeneous(m) | Matter::Similar(m, _) => m,
             Matter::Field(id) => self.field(id, w).mean(),
         });
         match medium {

@@ -77,7 +77,7 @@ fn look(scene: &Scene, film: Vec2) -> Option<Seen> {
         let surface = scene.accel.surface(&ray, &hit);
         let point = TexturePoint { p: surface.p, n: surface.ng, uv: surface.uv };
         let medium = object.body.and_then(|body| Some((body, scene.medium_inside::<3>(object, &point, &RGB, None)?)));
-        if let Some((body, Matter::Homogeneous(m))) = medium
+        if let Some((body, Matter::Homogeneous(m) | Matter::Similar(m, _))) = medium
             && !m.sigma_s.is_black()
         {
             let frame = Frame::new(surface.ng);

@@ -36,7 +36,7 @@ use std::f32::consts::PI;
 
 use moonmilk_core::{Random, Sampler, Spectrum, Stream, Vec3, Wavelengths};
 use moonmilk_geometry::{Facing, Hit, Prim, Ray};
-use moonmilk_walk::{Medium, Walker, math};
+use moonmilk_walk::{Medium, PhaseFunction, Walker, math};
 
 use crate::bsdf::Crossing;
 use crate::bsdf::boundary::branches;
@@ -336,10 +336,10 @@ impl<'a> Through<'a> {
     }
 
     /// Looks along the refracted continuations of a flight for light: what leaves there by chance, counted with its probability instead.
-    pub fn look<const N: usize>(
+    pub fn look<const N: usize, P: PhaseFunction>(
         &self,
         walker: &Walker<N>,
-        medium: &Medium<N>,
+        medium: &Medium<N, P>,
         start: &Start,
         at: &Ahead,
         w: &Wavelengths<N>,
@@ -387,10 +387,10 @@ impl<'a> Through<'a> {
     /// Makes a connection at a collision, or not; returns what the next flight competes with.
     ///
     /// `beta` is the weight after the collision, scattering coefficient included; `room` a lower bound of the depth.
-    pub fn connect<const N: usize>(
+    pub fn connect<const N: usize, P: PhaseFunction>(
         &self,
         walker: &Walker<N>,
-        medium: &Medium<N>,
+        medium: &Medium<N, P>,
         beta: Spectrum<N>,
         room: f32,
         w: &Wavelengths<N>,
@@ -416,12 +416,12 @@ impl<'a> Through<'a> {
     }
 
     /// Draws a direction from the frame's refracted light and follows it to the light.
-    fn sample<const N: usize>(
+    fn sample<const N: usize, P: PhaseFunction>(
         &self,
         aim: &Aim,
         start: &Near,
         walker: &Walker<N>,
-        medium: &Medium<N>,
+        medium: &Medium<N, P>,
         beta: Spectrum<N>,
         w: &Wavelengths<N>,
         u: [f32; 5],

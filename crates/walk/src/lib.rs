@@ -18,6 +18,8 @@ pub mod layers;
 pub mod math;
 pub mod medium;
 pub mod phase;
+pub mod similar;
+pub mod tabulated;
 pub mod tally;
 pub mod walker;
 
@@ -27,5 +29,6 @@ pub use field::{Field, Grid, Majorants};
 pub use layers::{Stack, walk_stack};
 pub use medium::Medium;
 pub use phase::PhaseFunction;
+pub use similar::Similar;
 pub use tally::{NoTally, PathLength, Tally};
 pub use walker::Walker;

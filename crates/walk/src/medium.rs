@@ -50,6 +50,11 @@ impl<const N: usize, P: PhaseFunction> Medium<N, P> {
         Self { sigma_a, sigma_s, sigma_t, law, g, emission: None, gray: sigma_a.is_gray() && sigma_s.is_gray() }
     }
 
+    /// Returns the same medium under another law of scattering.
+    pub fn under<Q: PhaseFunction>(&self, law: Q) -> Medium<N, Q> {
+        Medium::with_law(self.sigma_a, self.sigma_s, law).with_emission(self.emission)
+    }
+
     /// Returns the same medium with emission.
     pub fn with_emission(mut self, emission: Option<Spectrum<N>>) -> Self {
         self.emission = emission;

@@ -25,6 +25,28 @@ pub trait PhaseFunction {
     }
 }
 
+impl<P: PhaseFunction> PhaseFunction for &P {
+    #[inline]
+    fn eval(&self, cosine: f32) -> f32 {
+        (*self).eval(cosine)
+    }
+
+    #[inline]
+    fn cosine(&self, u: f32) -> f32 {
+        (*self).cosine(u)
+    }
+
+    #[inline]
+    fn mean_cosine(&self) -> f32 {
+        (*self).mean_cosine()
+    }
+
+    #[inline]
+    fn scatter(&self, d: Vec3, rng: &mut impl Random) -> Vec3 {
+        (*self).scatter(d, rng)
+    }
+}
+
 /// The law of Henyey and Greenstein.
 ///
 /// p = (1 - g^2) / (4 pi (1 + g^2 - 2 g cos)^(3/2)) \[Henyey1941\]; g = 0 is isotropic scattering, for which directions

@@ -36,6 +36,8 @@ pub(crate) struct Homogeneous {
 pub(crate) enum Matter<const N: usize> {
     /// A homogeneous medium, not empty.
     Homogeneous(Medium<N>),
+    /// The coefficients of one that is walked through in its stead, and the number of its scatterers ([`crate::scene::Scene::scatterers`]).
+    Similar(Medium<N>, u32),
     /// A medium of the scene that differs from place to place.
     Field(MediumId),
 }

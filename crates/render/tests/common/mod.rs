@@ -8,7 +8,7 @@ use moonmilk_core::{Estimate, Frame, Mat4, Random, Sampler, Stream, Vec2, Vec3, 
 use moonmilk_geometry::Mesh;
 use moonmilk_render::description::*;
 use moonmilk_render::integrator::{Counters, Integrator, Light};
-use moonmilk_render::scene::{OpenPolicy, Scene, SceneOptions};
+use moonmilk_render::scene::{OpenPolicy, Scene, SceneOptions, Similarity};
 use moonmilk_walk::Roulette;
 use rayon::prelude::*;
 
@@ -268,6 +268,12 @@ impl World {
 
     pub fn tracer(&self) -> Tracer {
         Tracer::new(self.scene())
+    }
+
+    /// Returns the scene with its media exchanged for similar ones.
+    pub fn similar(&self, similarity: Similarity) -> Tracer {
+        let options = SceneOptions { similar: Some(similarity), ..Default::default() };
+        Tracer::new(Scene::new(&self.0, &options).expect("a scene of the tests is valid").0)
     }
 }
 

@@ -6,7 +6,7 @@ use moonmilk_core::{DVec3, Mat4, Random, Stream, Vec3};
 use moonmilk_geometry::generate::{bumpy_sphere, cuboid};
 use moonmilk_render::description::LightKind;
 
-use crate::common::{World, assert_equal, assert_exact, ball, flat, measure, rectangle, rgb, samples, smooth};
+use crate::common::{Tracer, World, assert_equal, assert_exact, ball, flat, measure, rectangle, rgb, samples, smooth};
 
 /// Returns the irradiance at p on a surface of normal n from a polygon of radiance 1 above its horizon: half the sum over its edges
 /// of the angle they subtend times the cosine of their plane's normal \[Lambert1760\].
@@ -69,8 +69,13 @@ fn with_lamp(mut world: World, min: Vec3, max: Vec3, around: Option<usize>, samp
 
 /// Compares both lamps in a world, seen from a point through a window around a target.
 fn assert_same(what: &str, make: impl Fn(bool) -> World, eye: Vec3, target: Vec3, window: f32, n: [u64; 2]) {
+    assert_same_light(what, |sampled| make(sampled).tracer(), eye, target, window, n);
+}
+
+/// Compares both lamps, as [`assert_same`].
+pub fn assert_same_light(what: &str, make: impl Fn(bool) -> Tracer, eye: Vec3, target: Vec3, window: f32, n: [u64; 2]) {
     let [sampled, chance] = [true, false].map(|sampled| {
-        let mut tracer = make(sampled).tracer();
+        let mut tracer = make(sampled);
         tracer.integrator.seed = 1 + u64::from(sampled);
         let [l] = measure(samples(n[usize::from(!sampled)], 16), |i| {
             let mut rng = Stream::new(&[61, i, u64::from(sampled)]);
@@ -83,10 +88,10 @@ fn assert_same(what: &str, make: impl Fn(bool) -> World, eye: Vec3, target: Vec3
     assert_equal(what, sampled, chance);
 }
 
-const EYE: Vec3 = Vec3::new(0.0, -4.0, 2.0);
+pub const EYE: Vec3 = Vec3::new(0.0, -4.0, 2.0);
 
 /// A lamp overhead.
-fn lamp_overhead(world: World, sampled: bool) -> World {
+pub fn lamp_overhead(world: World, sampled: bool) -> World {
     with_lamp(world, Vec3::new(-0.5, -0.5, 2.0), Vec3::new(0.7, 0.5, 2.3), None, sampled)
 }
 

@@ -19,4 +19,5 @@ mod path_length;
 mod profiles;
 mod reciprocity;
 mod scale;
+mod similar;
 mod touching;
