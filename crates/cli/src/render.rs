@@ -189,11 +189,13 @@ pub fn make(d: &SceneDescription, open: Option<Open>, subsurface: &str) -> Resul
             ));
         }
     };
-    let (model, similar) = match walks::find(subsurface) {
-        Some(walk) => (None, walk.similar),
-        None => (Some(moonmilk_optics::profile::find(subsurface).map_err(|e| Failure::Usage(e.to_string()))?), None),
+    let walk = walks::find(subsurface);
+    let model = match walk {
+        Some(_) => None,
+        None => Some(moonmilk_optics::profile::find(subsurface).map_err(|e| Failure::Usage(e.to_string()))?),
     };
-    Scene::new(d, &SceneOptions { open, model, similar }).map_err(|e| {
+    let (similar, hybrid) = walk.map_or((None, false), |w| (w.similar, w.hybrid));
+    Scene::new(d, &SceneOptions { open, model, similar, hybrid }).map_err(|e| {
         let help = if matches!(e, moonmilk_render::scene::SceneError::Open { .. }) {
             " (--open cap or --open kill renders it all the same)"
         } else {

@@ -2,6 +2,7 @@
 
 use moonmilk_core::{Random, Sampler, Spectrum, Vec3, Wavelengths};
 use moonmilk_geometry::{Hit, Ray, Surface};
+use moonmilk_walk::hybrid::{Core, Jump};
 use moonmilk_walk::{Medium, PhaseFunction, Roulette, Tally, Walker, heterogeneous};
 
 use crate::bsdf::Shaded;
@@ -14,7 +15,7 @@ use crate::nest::Nest;
 use crate::scene::{Object, Scene};
 use crate::snag::Snag;
 use crate::texture::TexturePoint;
-use crate::through::{Ahead, Through};
+use crate::through::{Ahead, Start, Through};
 use crate::touch;
 
 /// Share of a shadow ray's length that is left out at its end, where the light itself is: a relative length.
@@ -294,6 +295,8 @@ pub(crate) struct InMedium<'a, 'b, const N: usize> {
     pub connects: bool,
     /// Connections through the object's boundary.
     pub through: Option<Through<'a>>,
+    /// Jumps through the core of the body.
+    pub core: Option<Core<N>>,
 }
 
 impl<const N: usize, P: PhaseFunction> Tally<N, Sampler, P> for InMedium<'_, '_, N> {
@@ -318,9 +321,25 @@ impl<const N: usize, P: PhaseFunction> Tally<N, Sampler, P> for InMedium<'_, '_,
             };
             let probability = if through > 0.5 { 1.0 } else { (2.0 * through).max(LEAST) };
             if probability == 1.0 || rng.uniform() < probability {
-                self.sample_light(walker, medium, arrived * medium.sigma_s * (1.0 / probability), rng);
+                let beta = arrived * medium.sigma_s * (1.0 / probability);
+                self.sample_light(walker, |wi| medium.phase(walker.d, wi), beta, rng);
             }
         }
+    }
+
+    #[inline]
+    fn jump(&mut self, walker: &Walker<N>, rng: &mut Sampler) -> Option<Jump<N>> {
+        let jump = self.core.as_ref()?.jump(walker.p, walker.d, |p| self.interior.room_at(p), rng)?;
+        self.interior.set_start(Start::Deep);
+        Some(jump)
+    }
+
+    #[inline]
+    fn landed(&mut self, walker: &Walker<N>, rng: &mut Sampler) -> bool {
+        if self.connects {
+            self.sample_light(walker, |_| 0.25 * std::f32::consts::FRAC_1_PI, walker.beta, rng);
+        }
+        self.connects
     }
 
     #[inline]
@@ -354,13 +373,7 @@ impl<const N: usize, P: PhaseFunction> Tally<N, Sampler, P> for InMedium<'_, '_,
 }
 
 impl<const N: usize> InMedium<'_, '_, N> {
-    fn sample_light<P: PhaseFunction>(
-        &mut self,
-        walker: &Walker<N>,
-        medium: &Medium<N, P>,
-        beta: Spectrum<N>,
-        rng: &mut Sampler,
-    ) {
+    fn sample_light(&mut self, walker: &Walker<N>, phase: impl Fn(Vec3) -> f32, beta: Spectrum<N>, rng: &mut Sampler) {
         let u = [rng.uniform(), rng.uniform(), rng.uniform()];
         let Some(sample) = self.scene.lights.sample(walker.p, None, self.wavelengths, u) else {
             return;
@@ -368,7 +381,7 @@ impl<const N: usize> InMedium<'_, '_, N> {
         let Some(sample) = opaque(self.scene, sample).filter(|s| !s.radiance.is_black()) else {
             return;
         };
-        let phase = medium.phase(walker.d, sample.wi);
+        let phase = phase(sample.wi);
         let from = From {
             p: walker.p,
             standing: Standing::Space,

@@ -13,6 +13,7 @@ use std::sync::Arc;
 
 use moonmilk_core::{Sampler, Spectrum, Vec3};
 use moonmilk_core::{WavelengthMode, Wavelengths};
+use moonmilk_walk::hybrid::{self, Core};
 use moonmilk_walk::{Medium, Outcome, Roulette, Walker, classic};
 
 use crate::cloud::Cloud;
@@ -312,6 +313,7 @@ impl Integrator {
             around: matter,
             connects,
             through,
+            core: if scene.hybrid { Core::new(&medium, hybrid::DEPTH) } else { None },
         };
         let limits = classic::Limits { roulette: self.roulette, collisions: collisions.saturating_add(limit) };
         let outcome = match scatterers {

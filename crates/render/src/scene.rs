@@ -53,6 +53,8 @@ pub struct SceneOptions {
     pub model: Option<&'static Model>,
     /// The similar media that homogeneous ones are exchanged for; `None` for none.
     pub similar: Option<Similarity>,
+    /// Whether walks leave out the core of bodies, where the diffusion equation holds ([`moonmilk_walk::hybrid`]).
+    pub hybrid: bool,
 }
 
 /// Why a scene cannot be rendered.
@@ -262,6 +264,8 @@ pub struct Scene {
     /// Bodies of a model on which points are placed.
     sites: Vec<Site>,
     similar: Option<Similarity>,
+    /// Whether walks jump through the core of bodies.
+    pub(crate) hybrid: bool,
     scatterers: Vec<Similar>,
 }
 
@@ -319,6 +323,7 @@ impl Scene {
             banks,
             sites: vec![],
             similar: options.similar,
+            hybrid: options.hybrid,
             scatterers,
         };
         scene.sites = cloud::sites(&scene, f64::from(d.film.width) * f64::from(d.film.height));

@@ -138,14 +138,26 @@ where
         on_wall = domain.start();
         let arrived = walker.collide(medium, t);
         walker.collisions += 1;
-        tally.collision(walker, medium, arrived, rng);
+        let jump = tally.jump(walker, rng);
         walker.beta = arrived * medium.sigma_s;
+        match &jump {
+            Some(jump) => walker.beta *= jump.weight,
+            None => tally.collision(walker, medium, arrived, rng),
+        }
 
         // End walks that carry little, keeping the mean.
         match limits.roulette.play(walker.beta.max_value() * walker.eta_scale, rng) {
             Some(1.0) => {}
             Some(factor) => walker.beta *= factor,
             None => return Outcome::Ended,
+        }
+
+        // Go on from where a jump leads, in a uniform direction.
+        if let Some(jump) = jump {
+            (walker.p, walker.d, walker.room) = (jump.p, jump.d, jump.room);
+            walker.scatter_point = jump.p;
+            walker.direction_pdf = tally.landed(walker, rng).then_some(0.25 * std::f32::consts::FRAC_1_PI);
+            continue;
         }
 
         // Turn by the phase function; the hero's density is every lane's.

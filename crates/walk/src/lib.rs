@@ -14,6 +14,7 @@ pub mod classic;
 pub mod domain;
 pub mod field;
 pub mod heterogeneous;
+pub mod hybrid;
 pub mod layers;
 pub mod math;
 pub mod medium;

@@ -2,6 +2,7 @@
 
 use moonmilk_core::{Random, Spectrum};
 
+use crate::hybrid::Jump;
 use crate::medium::Medium;
 use crate::phase::HenyeyGreenstein;
 use crate::walker::Walker;
@@ -16,6 +17,18 @@ pub trait Tally<const N: usize, R: Random, P = HenyeyGreenstein> {
     /// times sigma_a it is absorbed (or emitted).
     #[inline]
     fn collision(&mut self, _walker: &mut Walker<N>, _medium: &Medium<N, P>, _arrived: Spectrum<N>, _rng: &mut R) {}
+
+    /// Returns a jump that takes the place of a collision and of all flights until near the surface, if there is to be one; [`Tally::collision`] is then not called.
+    #[inline]
+    fn jump(&mut self, _walker: &Walker<N>, _rng: &mut R) -> Option<Jump<N>> {
+        None
+    }
+
+    /// Called where a jump has led, before the flight from there in a uniform direction; returns whether this tally looked for light there.
+    #[inline]
+    fn landed(&mut self, _walker: &Walker<N>, _rng: &mut R) -> bool {
+        false
+    }
 
     /// Called in fields at each tentative collision with what is emitted towards the start of the path; `radiance` has its weight.
     #[inline]

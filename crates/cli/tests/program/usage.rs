@@ -27,7 +27,7 @@ fn wrong_usage_ends_with_2_and_says_what_would_be_accepted() {
         ("--pixel 1,1 --resume", "cannot be used with"),
         ("--threads 0", "1..=4096"),
         ("--aov albdo", "did you mean \"albedo\"?"),
-        ("--subsurface hybrid", "planned"),
+        ("--subsurface diffusion", "planned"),
         ("--subsurface dipol", "did you mean \"dipole\"?"),
         ("--walk jmp", "did you mean \"jump\"?"),
         ("--wavelengths 900", "380..780"),

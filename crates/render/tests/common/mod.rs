@@ -270,6 +270,12 @@ impl World {
         Tracer::new(self.scene())
     }
 
+    /// Returns the scene walked through by the hybrid.
+    pub fn hybrid(&self) -> Tracer {
+        let options = SceneOptions { hybrid: true, ..Default::default() };
+        Tracer::new(Scene::new(&self.0, &options).expect("a scene of the tests is valid").0)
+    }
+
     /// Returns the scene with its media exchanged for similar ones.
     pub fn similar(&self, similarity: Similarity) -> Tracer {
         let options = SceneOptions { similar: Some(similarity), ..Default::default() };

@@ -12,6 +12,7 @@ mod connections;
 mod fields;
 mod furnace;
 mod half_space;
+mod hybrid;
 mod instances;
 mod limits;
 mod nested;
