@@ -400,29 +400,34 @@ fn card(f: &Findings, i: usize, m: &Measured) -> Result<String, Failure> {
     Ok(out)
 }
 
+/// Returns a card for each body, so narrow that a phone shows it whole: numbers by channel are rows of three.
 fn bodies(f: &Findings) -> String {
-    let three = |x: [f64; 3]| x.map(|x| format!("{:.3}", x)).join(" &nbsp; ");
-    let rows: String = f
+    let row = |name: &str, digits: usize, x: [f64; 3]| {
+        let cells: String = x.iter().map(|x| format!("<td>{x:.digits$}</td>")).collect();
+        format!("<tr><th scope=row>{name}</th>{cells}</tr>\n")
+    };
+    let cards: String = f
         .bodies
         .iter()
         .map(|b| {
+            let rows = [
+                row("σ<sub>a</sub>", 3, b.sigma_a),
+                row("σ<sub>s</sub>", 3, b.sigma_s),
+                row("reduced albedo", 3, [0, 1, 2].map(|c| b.alpha_prime(c))),
+                row("thickness, transport mean free paths", 1, b.thickness),
+            ];
             format!(
-                "<tr><th scope=row>{}<br><small>{}</small></th><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>\n",
+                "<div class=card><h3>{}</h3><p class=soft>{}; {} pixels; g {}, η {}</p>\n<table class=rgb><thead><tr><td></td><th>red</th><th>green</th><th>blue</th></tr></thead><tbody>\n{}</tbody></table></div>\n",
                 escape(&b.name),
                 escape(&b.place),
                 b.pixels,
-                three(b.sigma_a),
-                three(b.sigma_s),
-                b.g,
-                b.eta,
-                three([0, 1, 2].map(|c| b.alpha_prime(c))),
-                b.thickness.map(|x| format!("{x:.1}")).join(" &nbsp; ")
+                b.g as f32,
+                b.eta as f32,
+                rows.concat()
             )
         })
         .collect();
-    format!(
-        "<div class=scroll><table><thead><tr><th>body</th><th>pixels</th><th>σ<sub>a</sub> (red, green, blue)</th><th>σ<sub>s</sub></th><th>g</th><th>η</th><th>reduced albedo</th><th>thickness, transport mean free paths</th></tr></thead><tbody>\n{rows}</tbody></table></div>\n"
-    )
+    format!("<div class=grid id=bodies>\n{cards}</div>\n")
 }
 
 #[cfg(test)]
