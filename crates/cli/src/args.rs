@@ -242,7 +242,7 @@ pub struct Unit {
 pub enum Open {
     /// Close the holes with flat caps.
     Cap,
-    /// Use a BSSRDF for the object (not in this version).
+    /// Render the mesh by the profile `tabulated` instead of a walk; under a model of --subsurface by that model.
     Profile,
     /// End paths that leave through holes, and count them.
     Kill,

@@ -183,11 +183,7 @@ pub fn make(d: &SceneDescription, open: Option<Open>, subsurface: &str) -> Resul
         None => OpenPolicy::Refuse,
         Some(Open::Cap) => OpenPolicy::Cap,
         Some(Open::Kill) => OpenPolicy::Kill,
-        Some(Open::Profile) => {
-            return Err(Failure::Usage(
-                "--open profile needs a BSSRDF, which is not in this version; available: cap, kill".into(),
-            ));
-        }
+        Some(Open::Profile) => OpenPolicy::Profile,
     };
     let walk = walks::find(subsurface);
     let model = match walk {
@@ -197,7 +193,7 @@ pub fn make(d: &SceneDescription, open: Option<Open>, subsurface: &str) -> Resul
     let (similar, hybrid) = walk.map_or((None, false), |w| (w.similar, w.hybrid));
     Scene::new(d, &SceneOptions { open, model, similar, hybrid }).map_err(|e| {
         let help = if matches!(e, moonmilk_render::scene::SceneError::Open { .. }) {
-            " (--open cap or --open kill renders it all the same)"
+            " (--open cap|profile|kill renders it all the same)"
         } else {
             ""
         };

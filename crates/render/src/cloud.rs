@@ -89,6 +89,8 @@ pub(crate) fn sites(scene: &Scene, pixels: f64) -> Vec<Site> {
             .iter()
             .filter(|o| o.body.is_some() && o.hollow && o.set() != set)
             .all(|o| !o.reach.overlaps(&bounds))
+            // A point of an open surface would have a side.
+            && scene.objects.iter().all(|o| o.set() != set || o.open.is_none())
     };
     let mut sites: Vec<Site> = sets
         .into_iter()

@@ -32,7 +32,12 @@ pub use similar::Similarity;
 /// Cells of a body's grid of free room, one byte each.
 const CLEARANCE_CELLS: usize = 1 << 21;
 
+/// The model that renders open meshes where walks render the rest: the exact profile.
+pub const OPEN_MODEL: &str = "tabulated";
+
 /// What to do with open meshes around a medium.
+///
+/// A model ([`SceneOptions::model`]) needs no inside: it renders those that are not capped, whatever this says.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum OpenPolicy {
     /// Refuse the scene, naming mesh and edges.
@@ -42,6 +47,8 @@ pub enum OpenPolicy {
     Cap,
     /// Let paths be lost through the holes, and count them.
     Kill,
+    /// Render the mesh by the profile [`OPEN_MODEL`] instead of a walk.
+    Profile,
 }
 
 /// Settings of the making of a scene.
@@ -171,6 +178,8 @@ pub struct Object {
     pub outside: Side,
     /// The closed surface, if it is one.
     pub body: Option<Body>,
+    /// The open surface, if it is one that a profile renders: each of its sides is the outer one of a body of its own.
+    pub open: Option<Body>,
     /// Box beyond which a point is certainly outside.
     pub reach: Bounds,
     /// Opacity.
@@ -224,7 +233,7 @@ impl Object {
         match meeting {
             Meeting::False => true,
             // What is inside of it is in its profile.
-            Meeting::True(_) if self.bank.is_some() && !exiting => false,
+            Meeting::True(_) if self.bank.is_some() && (!exiting || self.open.is_some()) => false,
             Meeting::True(outer) => match self.boundary {
                 Boundary::Interface => true,
                 Boundary::Smooth { eta } => eta / outer == 1.0,
@@ -300,9 +309,10 @@ impl Scene {
             Some(Similarity::Third) => similar::scatterers(d),
             _ => vec![],
         };
-        let banks = match options.model {
-            Some(model) => models::choose(model, d, &mut objects, &mut warnings)?,
-            None => vec![],
+        let banks = match (options.model, options.open) {
+            (Some(model), _) => models::choose(model, false, d, &mut objects, &mut warnings)?,
+            (None, OpenPolicy::Profile) => models::choose(models::for_open(), true, d, &mut objects, &mut warnings)?,
+            (None, _) => vec![],
         };
         let bodies = (0..objects.len())
             .filter(|&i| objects[i].hollow && objects[i].body.is_some())

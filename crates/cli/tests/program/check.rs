@@ -47,6 +47,25 @@ fn faults_are_named_with_object_and_place_and_end_with_code_4() {
 }
 
 #[test]
+fn an_open_mesh_is_refused_with_the_ways_out_and_a_profile_renders_it() {
+    let f = Folder::new();
+    f.write("open.pbrt", [&head([8, 8], 2), LIGHTS, &tetrahedron("0 2 1 0 1 3 0 3 2")].concat());
+    let r = f.run("render open.pbrt -o a.exr");
+    assert!(r.code == Some(3) && r.stderr.contains("--open cap|profile|kill"), "{r:?}");
+    for (options, told) in [
+        ("--open cap", "closed with flat caps"),
+        ("--open kill", "counted as lost"),
+        ("--open profile", "open (3 boundary edges): the profile tabulated renders it"),
+        ("--subsurface dipole", "open (3 boundary edges): the profile dipole renders it"),
+        ("--subsurface dipole --open kill", "the profile dipole renders it"),
+        ("--subsurface dipole --open cap", "closed with flat caps"),
+    ] {
+        let r = f.succeed(&format!("render open.pbrt {options} -o a.exr"));
+        assert!(r.stderr.contains(told), "{options}: {r:?}");
+    }
+}
+
+#[test]
 fn syntax_reads_on_past_missing_files_and_names_each_once() {
     let f = Folder::new();
     let mesh = "Shape \"plymesh\" \"string filename\" \"geometry/a.ply\"\n";

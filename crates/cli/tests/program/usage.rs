@@ -31,7 +31,7 @@ fn wrong_usage_ends_with_2_and_says_what_would_be_accepted() {
         ("--subsurface dipol", "did you mean \"dipole\"?"),
         ("--walk jmp", "did you mean \"jump\"?"),
         ("--wavelengths 900", "380..780"),
-        ("--open profile", "not in this version"),
+        ("--open lid", "[possible values: cap, profile, kill]"),
         ("--max-depth all", "or scene"),
         ("--checkpoint-every -1", "--checkpoint-every"),
         ("--ssp 4", "--spp"),

@@ -38,7 +38,7 @@ pub fn examine(p: &mut Patient, shape: usize) -> bool {
         let message = format!("{name} is open: {} of its {} edges have one triangle only{place}", t.boundary, t.edges);
         let partners = partners(p, shape);
         if subsurface || partners == 0 {
-            let advice = "close the mesh in the modeller; or render with --open cap (flat caps) or --open kill (light that finds no wall is lost and counted)";
+            let advice = "close the mesh in the modeller; or render with --open cap (flat caps), --open profile (a profile instead of walks) or --open kill (light that finds no wall is lost and counted)";
             p.problem("open", shape, message, advice);
         } else {
             let message = format!("{message}; {partners} other shapes bound the same media");

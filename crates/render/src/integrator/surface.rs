@@ -15,6 +15,11 @@ use crate::scene::{Boundary, Object, Scene};
 use crate::texture::TexturePoint;
 use crate::touch::{self, Arrival};
 
+/// Returns a surface with its other side outward.
+fn turned(s: &Surface) -> Surface {
+    Surface { ng: -s.ng, ns: -s.ns, ..*s }
+}
+
 impl Integrator {
     /// Handles the arrival at a surface, or at that of several at one place which comes first; returns whether the path goes on.
     pub(super) fn surface<const N: usize>(
@@ -98,8 +103,10 @@ impl Integrator {
             return true;
         }
         let outer = if let Meeting::True(outer) = meeting { outer } else { 1.0 };
-        // A body that a model renders is a surface to light from outside.
-        let bank = if hit.exiting { None } else { scene.bank_at(object, &point, wavelengths) };
+        // A body that a model renders is a surface to light from outside, an open one on both sides.
+        let back = object.open.is_some() && wo.dot(surface.ng) < 0.0;
+        let bank = if hit.exiting && object.open.is_none() { None } else { scene.bank_at(object, &point, wavelengths) };
+        let surface = &if back && bank.is_some() { turned(surface) } else { *surface };
         if !path.seen {
             path.seen = true;
             light.normal = surface.ns;
@@ -130,7 +137,7 @@ impl Integrator {
                         scene,
                         path,
                         object,
-                        surface,
+                        (surface, back),
                         bank,
                         wavelengths,
                         rng,
@@ -148,7 +155,17 @@ impl Integrator {
 
         // An index-matched body has no boundary besides its profile.
         if bank.is_some() && matches!(object.boundary, Boundary::Interface) {
-            return self.leave_by_profile(scene, path, object, surface, bank, wavelengths, rng, light, counters);
+            return self.leave_by_profile(
+                scene,
+                path,
+                object,
+                (surface, back),
+                bank,
+                wavelengths,
+                rng,
+                light,
+                counters,
+            );
         }
 
         // Every other surface has a BSDF.
@@ -190,7 +207,17 @@ impl Integrator {
         if bank.is_some() && s.kind == Kind::Transmission {
             // What got in: without the factor of radiance, which the way out takes back.
             path.walker.beta *= s.eta * s.eta;
-            return self.leave_by_profile(scene, path, object, surface, bank, wavelengths, rng, light, counters);
+            return self.leave_by_profile(
+                scene,
+                path,
+                object,
+                (surface, back),
+                bank,
+                wavelengths,
+                rng,
+                light,
+                counters,
+            );
         }
         // Coats sample by a random walk: what competes with light sampling is their density as light sampling knows it.
         let pdf = if matches!(bsdf.bsdf, Bsdf::Layered(_)) { bsdf.pdf(wo, s.wi) } else { s.pdf };
@@ -260,12 +287,14 @@ impl Integrator {
     }
 
     /// Goes on where the light entered that leaves the body here, by the body's profile; returns whether the path goes on.
+    ///
+    /// Light enters an open surface on the side where it leaves: on its `back`, turned round here, or its front.
     fn leave_by_profile<const N: usize>(
         &self,
         scene: &Scene,
         path: &mut Path<N>,
         object: &Object,
-        surface: &Surface,
+        (surface, back): (&Surface, bool),
         bank: Option<(&Bank, Medium<N>)>,
         wavelengths: &Wavelengths<N>,
         rng: &mut Sampler,
@@ -291,7 +320,7 @@ impl Integrator {
             return false;
         };
         path.walker.beta *= entered.weight;
-        let (hit, at) = (entered.hit, &entered.surface);
+        let (hit, at) = (entered.hit, &if back { turned(&entered.surface) } else { entered.surface });
         let slant = exit.slant(surface.p, surface.ng, w_o, at.p, at.ng);
         self.receive(scene, path, bank, slant, hit, at, wavelengths, rng, light, counters)
     }

@@ -1,31 +1,46 @@
-//! Which bodies a model of subsurface scattering renders.
+//! Which bodies and open surfaces a model of subsurface scattering renders.
 
 use std::collections::BTreeMap;
 
 use moonmilk_geometry::Bounds;
-use moonmilk_optics::profile::Model;
+use moonmilk_optics::profile::{Model, find};
 
-use super::{Object, SceneError, Side};
+use super::{OPEN_MODEL, Object, SceneError, Side};
 use crate::bssrdf::Bank;
-use crate::description::{MaterialKind, MediumKind, SceneDescription, Warning};
+use crate::description::{MaterialId, MaterialKind, MediumKind, SceneDescription, Warning};
 use crate::texture::property;
 
-/// Gives profiles to all closed bodies around a homogeneous medium that scatters, and joins those of one set.
+/// Returns the model that renders open meshes where walks render the rest.
+pub(super) fn for_open() -> &'static Model {
+    find(OPEN_MODEL).expect("a registered model")
+}
+
+/// Gives profiles to all bodies and open surfaces around a homogeneous medium that scatters, or to open ones alone, and joins those of one set.
 ///
 /// *Errors*: a medium that the model rejects.
 pub(super) fn choose(
     model: &'static Model,
+    open_alone: bool,
     d: &SceneDescription,
     objects: &mut [Object],
     warnings: &mut Vec<Warning>,
 ) -> Result<Vec<Bank>, SceneError> {
     let mut banks = Vec::new();
     let mut known = BTreeMap::new();
-    let mut sets: BTreeMap<(u32, &str), u32> = BTreeMap::new();
+    let mut sets: BTreeMap<(u32, bool, &str), u32> = BTreeMap::new();
     for (i, o) in objects.iter_mut().enumerate() {
         (o.set, o.common) = (i as u32, o.reach);
-        let Some(g) = asymmetry(d, o, warnings) else {
+        let Some(body) = o.open.or(o.body.filter(|_| o.yields && !open_alone)) else {
             continue;
+        };
+        let g = match asymmetry(d, o.material, o.inside) {
+            Ok(Some(g)) => g,
+            Ok(None) => continue,
+            Err(Uneven) => {
+                let message = format!("{}: its medium differs from place to place: walked through exactly", o.name);
+                warnings.push(Warning { place: Some(o.place.clone()), message });
+                continue;
+            }
         };
         let key = (g.to_bits(), o.index.to_bits());
         let bank = match known.get(&key) {
@@ -51,9 +66,9 @@ pub(super) fn choose(
         };
         o.bank = Some(bank);
         o.passable = o.alpha.is_some();
-        // Bodies of one instance with one name act as one.
-        if let (Some(set), Some(body)) = (&d.materials[o.material].set, o.body) {
-            o.set = *sets.entry((body.instance, set)).or_insert(i as u32);
+        // Bodies of one instance with one name act as one, and so do open surfaces.
+        if let Some(set) = &d.materials[o.material].set {
+            o.set = *sets.entry((body.instance, o.open.is_some(), set)).or_insert(i as u32);
         }
     }
     let mut boxes: BTreeMap<u32, Bounds> = BTreeMap::new();
@@ -62,33 +77,29 @@ pub(super) fn choose(
         *all = all.union(o.reach);
     }
     objects.iter_mut().for_each(|o| o.common = boxes[&o.set]);
-    if banks.is_empty() {
-        let message = format!("there is no closed body around a homogeneous medium for {} to render", model.info.name);
+    if banks.is_empty() && !open_alone {
+        let message = format!("there is no body around a homogeneous medium for {} to render", model.info.name);
         warnings.push(Warning { place: None, message });
     }
     Ok(banks)
 }
 
-/// Returns the asymmetry of the medium in a body that a model can render.
-fn asymmetry(d: &SceneDescription, o: &Object, warnings: &mut Vec<Warning>) -> Option<f32> {
-    if o.body.is_none() || !o.yields {
-        return None;
-    }
-    match o.inside {
-        Side::Own => match d.materials[o.material].kind {
+/// A medium that differs from place to place, which no model knows.
+pub(super) struct Uneven;
+
+/// Returns the asymmetry of a medium that a model can render; `None` if there is none or it does not scatter.
+pub(super) fn asymmetry(d: &SceneDescription, material: MaterialId, inside: Side) -> Result<Option<f32>, Uneven> {
+    match inside {
+        Side::Own => Ok(match d.materials[material].kind {
             MaterialKind::Subsurface { g, .. } => Some(g),
             _ => None,
-        },
+        }),
         Side::Medium(id) => match &d.media[id].kind {
             MediumKind::Homogeneous { g, sigma_s, .. } => {
-                property(sigma_s).is_ok_and(|s| s.max_value() > 0.0).then_some(*g)
+                Ok(property(sigma_s).is_ok_and(|s| s.max_value() > 0.0).then_some(*g))
             }
-            _ => {
-                let message = format!("{}: its medium differs from place to place: walked through exactly", o.name);
-                warnings.push(Warning { place: Some(o.place.clone()), message });
-                None
-            }
+            _ => Err(Uneven),
         },
-        Side::Same | Side::Vacuum => None,
+        Side::Same | Side::Vacuum => Ok(None),
     }
 }

@@ -5,10 +5,13 @@ use std::sync::OnceLock;
 use moonmilk_core::Vec3;
 use moonmilk_geometry::{Accel, Body, Bounds, Mesh, Quadric, Shape, WORLD};
 
-use super::{Boundary, Object, OpenPolicy, SceneError, SceneOptions, Side};
+use super::{Boundary, Object, OpenPolicy, SceneError, SceneOptions, Side, models};
 use crate::description::{GeometryDescription, MaterialKind, MediumId, SceneDescription, ShapeDescription, Warning};
 use crate::lights;
 use crate::material::Materials;
+
+/// A surface whose primitives have no numbers yet.
+const UNNUMBERED: Body = Body { instance: WORLD, first: 0, end: 0, slack: 0.0 };
 
 /// Makes the geometry of a shape in world space.
 ///
@@ -68,39 +71,49 @@ pub(super) fn build_object(
     }
     let mut closed = shape.is_closed();
     let bounds_medium = translucent || matches!((inside, outside), (Side::Medium(_), _));
+    let yields =
+        matches!(kind, MaterialKind::Interface | MaterialKind::Dielectric { .. } | MaterialKind::Subsurface { .. });
+    let by_profile = match (options.model, options.open) {
+        (Some(model), _) => Some(model),
+        (None, OpenPolicy::Profile) => Some(models::for_open()),
+        (None, _) => None,
+    }
+    .filter(|_| yields && matches!(models::asymmetry(d, s.material, inside), Ok(Some(_))));
     if bounds_medium
         && !closed
+        && options.open == OpenPolicy::Cap
         && let Some(mesh) = shape.mesh()
     {
-        let topology = mesh.topology();
-        match options.open {
-            OpenPolicy::Cap => {
-                let capped = mesh.capped();
-                let message =
-                    format!("{}: holes with {} boundary edges are closed with flat caps", s.name, topology.boundary);
-                warnings.push(Warning { place: Some(s.place.clone()), message });
-                shape = Shape { form: moonmilk_geometry::Form::Mesh(capped), reverse: shape.reverse };
-                closed = shape.is_closed();
-            }
-            OpenPolicy::Refuse if translucent => {
-                let p = topology.boundary_edges.first().map_or(Vec3::ZERO, |e| e[0]);
+        let edges = mesh.topology().boundary;
+        let capped = mesh.capped();
+        let message = format!("{}: holes with {edges} boundary edges are closed with flat caps", s.name);
+        warnings.push(Warning { place: Some(s.place.clone()), message });
+        shape = Shape { form: moonmilk_geometry::Form::Mesh(capped), reverse: shape.reverse };
+        closed = shape.is_closed();
+    }
+    let open = bounds_medium && !closed;
+    if open {
+        let topology = shape.mesh().map(|m| m.topology());
+        let edges = topology.as_ref().map_or_else(String::new, |t| format!(" ({} boundary edges)", t.boundary));
+        let message = match (by_profile, &topology) {
+            (Some(model), _) => format!(
+                "{} is open{edges}: the profile {} renders it, each side as the surface of a body of its own",
+                s.name, model.info.name
+            ),
+            (None, Some(t)) if translucent && options.open == OpenPolicy::Refuse => {
+                let p = t.boundary_edges.first().map_or(Vec3::ZERO, |e| e[0]);
                 return Err(SceneError::Open {
                     place: s.place.clone(),
                     name: s.name.clone(),
-                    edges: topology.boundary,
+                    edges: t.boundary,
                     x: p.x,
                     y: p.y,
                     z: p.z,
                 });
             }
-            _ => {
-                let message = format!(
-                    "{} is open ({} boundary edges) and bounds a medium: paths that find no wall are counted as lost",
-                    s.name, topology.boundary
-                );
-                warnings.push(Warning { place: Some(s.place.clone()), message });
-            }
-        }
+            _ => format!("{} is open{edges} and bounds a medium: paths that find no wall are counted as lost", s.name),
+        };
+        warnings.push(Warning { place: Some(s.place.clone()), message });
     }
     if translucent && closed && shape.volume() < 0.0 {
         // pbrt decides inside and outside by the normal; a translucent object turned inside out is a mistake of the file.
@@ -112,8 +125,6 @@ pub(super) fn build_object(
     if translucent && !closed && outside == Side::Same {
         outside = Side::Vacuum;
     }
-    let yields =
-        matches!(kind, MaterialKind::Interface | MaterialKind::Dielectric { .. } | MaterialKind::Subsurface { .. });
     let volume = if closed { shape.volume() } else { 0.0 };
     let object = Object {
         name: s.name.as_str().into(),
@@ -123,7 +134,8 @@ pub(super) fn build_object(
         inside,
         outside,
         // Marked here, filled in once primitives have numbers. A closed surface whose normals point inwards encloses nothing.
-        body: (volume > 0.0).then_some(Body { instance: WORLD, first: 0, end: 0, slack: 0.0 }),
+        body: (volume > 0.0).then_some(UNNUMBERED),
+        open: (open && by_profile.is_some()).then_some(UNNUMBERED),
         reach: shape.bounds(),
         alpha: s.alpha,
         connects: true,
@@ -168,6 +180,10 @@ pub(super) fn finish_objects(objects: &mut [Object], accel: &Accel, d: &SceneDes
         if o.body.is_some() {
             o.body = Some(accel.body(i as u32..i as u32 + 1));
             o.reach = bounds.grown(1e-4 * bounds.extent().max_element());
+        }
+        if o.open.is_some() {
+            o.open = Some(accel.body(i as u32..i as u32 + 1));
+            o.reach = bounds;
         }
         // Behind a refractive boundary a straight connection reaches only lights that are inside too.
         o.connects = matches!(o.boundary, Boundary::Interface | Boundary::Smooth { eta: 1.0 })

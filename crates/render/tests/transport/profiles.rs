@@ -6,19 +6,19 @@
 use std::f64::consts::PI;
 
 use moonmilk_core::quadrature::Rule;
-use moonmilk_core::{Random, Stream, Vec3, Wavelengths};
+use moonmilk_core::{Estimate, Mat4, Random, Stream, Vec3, Wavelengths};
 use moonmilk_geometry::Mesh;
 use moonmilk_geometry::generate::{bumpy_sphere, cuboid};
 use moonmilk_optics::OpticalProperties;
 use moonmilk_optics::fresnel::{moment_1, reflectance_f64};
 use moonmilk_optics::halfspace::HFunction;
 use moonmilk_optics::profile::{Placement, Profile, find};
-use moonmilk_render::description::{MediumKind, SpectrumDescription};
-use moonmilk_render::scene::{Scene, SceneOptions};
+use moonmilk_render::description::{MediumKind, SpectrumDescription, SubsurfaceMedium};
+use moonmilk_render::scene::{OpenPolicy, Scene, SceneOptions};
 
-use moonmilk_core::Estimate;
-
-use crate::common::{Tracer, World, Z, assert_equal, assert_exact, ball, flat, measure, samples, uniform_ray};
+use crate::common::{
+    Tracer, World, Z, assert_equal, assert_exact, ball, flat, measure, rectangle, samples, uniform_ray,
+};
 
 /// Interpolation in albedo and radius: measured in `bssrdf`, as a share of the integral.
 const BAKED: f64 = 1e-3;
@@ -302,4 +302,103 @@ fn finer_triangles_look_the_same() {
         e
     });
     assert_equal("coarse and fine triangles", a, b);
+}
+
+/// Returns a square of a medium's surface, with nothing below.
+fn square(m: (f32, f32, f32, f32)) -> World {
+    let mut world = World::new();
+    let medium = world.medium(m.0, m.1, m.2);
+    let boundary = world.dielectric(m.3, 0.0);
+    world.body(&rectangle(Vec3::ZERO, Vec3::X * 1e4, Vec3::Y * 1e4), boundary, Some(medium), None);
+    world
+}
+
+#[test]
+fn an_open_square_gives_back_the_total_of_its_model_on_both_sides() {
+    // To .3 % of the total; slow .1 %. The model that was asked for, or the exact profile in place of a walk.
+    for (m, model) in [
+        ((0.1f32, 0.9f32, 0.0f32, 1.0f32), Some("dipole")),
+        ((0.01, 1.5, 0.3, 1.4), Some("tabulated")),
+        ((0.05, 0.95, 0.0, 1.3), None),
+    ] {
+        let options = SceneOptions {
+            model: model.map(|m| find(m).unwrap()),
+            open: if model.is_none() { OpenPolicy::Profile } else { OpenPolicy::Refuse },
+            ..Default::default()
+        };
+        let (scene, warnings) = Scene::new(&square(m).environment(1.0).0, &options).unwrap();
+        let name = model.unwrap_or("tabulated");
+        let told = format!("shape is open (4 boundary edges): the profile {name} renders it");
+        assert!(warnings.iter().any(|w| w.message.starts_with(&told)), "{warnings:?}");
+        let t = Tracer::new(scene);
+        let (f, total) = (reflectance_f64(1.0, f64::from(m.3)), profile(name, m).total());
+        let exact = f + (1.0 - f) * total;
+        for side in [1.0, -1.0] {
+            let [e] = measure(samples(300_000, 8), |i| [t.radiance(i, Vec3::new(3.0, 2.0, side), -Vec3::Z * side)]);
+            assert!(e.std_err < 0.003 * exact, "{e}");
+            assert_exact(&format!("open square from {side}, {name}, {m:?}"), e, exact, BAKED * exact);
+        }
+        let c = t.assert_sound();
+        assert!(c.probes > 0 && c.collisions == 0 && c.entered == 0, "{c:?}");
+    }
+}
+
+#[test]
+fn an_open_bowl_is_lit_inside_and_outside_and_its_instances_alike() {
+    // A bumpy ball without its upper part, white by a distant light from above: light that the inside sends to itself makes it brighter.
+    let whole = bumpy_sphere(3, 0.1);
+    let below = |t: &[u32; 3]| t.iter().all(|&v| whole.positions()[v as usize].z < 0.3);
+    let indices: Vec<_> = whole.indices().iter().copied().filter(below).collect();
+    let bowl = flat(&Mesh::new(whole.positions().to_vec(), vec![], vec![], indices).unwrap());
+    let bodies = |first: bool| {
+        let mut world = World::new();
+        let [sigma_a, sigma_s] = [0.05f32, 20.0].map(|x| world.spectrum(SpectrumDescription::Constant(x)));
+        let wax = world.subsurface(SubsurfaceMedium::Coefficients { sigma_a, sigma_s }, 0.0, 1.4);
+        world.surface(&bowl, wax);
+        if !first {
+            world.instances(0, &[Mat4::IDENTITY, Mat4::from_translation(Vec3::X * 100.0)]);
+        }
+        let options = SceneOptions { open: OpenPolicy::Profile, ..Default::default() };
+        let mut t = Tracer::new(Scene::new(&world.distant(Vec3::Z, 1.0).0, &options).unwrap().0);
+        t.integrator.seed = 1 + u64::from(first);
+        t
+    };
+    let [once, twice] = [true, false].map(|first| {
+        let t = bodies(first);
+        let e: [_; 2] = measure(samples(60_000, 8), |i| {
+            let l = [4.0, -4.0].map(|z| t.radiance(i, Vec3::new(0.1, 0.2, z), Vec3::new(0.0, 0.05, -z).normalize()));
+            assert!(l.iter().all(|l| l.is_finite() && *l >= 0.0), "{l:?}");
+            l
+        });
+        let c = t.assert_sound();
+        assert!(c.probes > 0 && c.collisions == 0, "{c:?}");
+        e
+    });
+    for (k, what) in ["inside of a bowl", "outside of a bowl"].into_iter().enumerate() {
+        assert_equal(what, once[k], twice[k]);
+    }
+    // The outside lies in the shadow of the rest: each side is a body of its own.
+    assert!(once[0].mean > 0.1 && once[1].mean < 0.02 * once[0].mean, "{once:?}");
+}
+
+#[test]
+fn caps_come_before_profiles_and_holes_that_kill_walks_do_not_matter_to_them() {
+    let m = (0.1f32, 0.9f32, 0.0f32, 1.0f32);
+    let whole = bumpy_sphere(2, 0.1);
+    let mesh = Mesh::new(whole.positions().to_vec(), vec![], vec![], whole.indices()[40..].to_vec()).unwrap();
+    let world = body(&flat(&mesh), m).environment(1.0);
+    let build = |open| {
+        let options = SceneOptions { open, model: Some(find("dipole").unwrap()), ..Default::default() };
+        Scene::new(&world.0, &options).unwrap()
+    };
+    let (capped, warnings) = build(OpenPolicy::Cap);
+    assert!(capped.objects[0].body.is_some() && warnings[0].message.contains("closed with flat caps"), "{warnings:?}");
+    let (killed, warnings) = build(OpenPolicy::Kill);
+    assert!(killed.objects[0].open.is_some() && warnings[0].message.contains("the profile dipole renders it"));
+    let t = Tracer::new(killed);
+    measure(2000, |i| {
+        let (o, d) = uniform_ray(94, i, 1.3);
+        [t.radiance(i, o, d)]
+    });
+    assert!(t.assert_sound().probes > 100);
 }
