@@ -59,6 +59,33 @@ fn the_walk_through_the_lecture_is_true() {
 }
 
 #[test]
+fn the_comparisons_of_the_lecture_run_and_have_a_row_for_every_model() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let page = fs::read_to_string(root.join("docs/lecture.md")).expect("the page");
+    let f = Folder::new();
+    let mut steps = 0;
+    for block in page.split("```console\n").skip(1) {
+        let (command, rest) = block.split_once("\n```").expect("a block has an end");
+        let words: Vec<&str> = command.split(' ').collect();
+        let &["moonmilk", "compare", scene, "--subsurface", models, ..] = words.as_slice() else { panic!("{command}") };
+        // The scene names its command, the page shows its sheet and has a row for each model.
+        let path = root.join(scene);
+        assert!(fs::read_to_string(&path).expect("a scene").contains(command), "{scene} says {command}");
+        let sheet = format!("lecture/compare-{}.png", words.last().expect("a folder"));
+        assert!(rest.contains(&format!("]({sheet})")) && root.join("docs").join(&sheet).exists(), "{sheet}");
+        let (of_this, _) = rest.split_once("\n#").expect("another heading");
+        assert!(models.split(',').chain(["tabulated"]).all(|m| of_this.contains(&format!("| {m} |"))), "{command}");
+        // Its models are there, and its scene can be compared: here a corner of the body by the quickest model.
+        models.split(',').for_each(|m| drop(f.succeed(&format!("models {m}"))));
+        let small = format!("compare {} --subsurface dipole --spp 2 --crop 40,44,22,26 -o a", path.display());
+        assert!(f.succeed(&small).stdout.contains("against path, over 16 pixels"), "{small}");
+        fs::remove_dir_all(f.path("a")).expect("it was written");
+        steps += 1;
+    }
+    assert_eq!(steps, 3);
+}
+
+#[test]
 fn texts_that_differ_are_told_apart() {
     let differs = |a: &str, b: &str| std::panic::catch_unwind(|| agree(a, b, "test")).is_err();
     assert!(differs("albedo 0.415", "albedo 0.419") && differs("a b", "a c") && differs("+1.0 %", "+1.0 % x"));
