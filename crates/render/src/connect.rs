@@ -231,7 +231,6 @@ pub(crate) fn at_surface<const N: usize>(
     object: &Object,
     hit: Hit,
     surface: &Surface,
-    point: &TexturePoint,
     bsdf: &Shaded<N>,
     arriving: Option<&Arriving<N>>,
     n: Option<Vec3>,
@@ -271,7 +270,8 @@ pub(crate) fn at_surface<const N: usize>(
             (false, _) => Standing::On(hit),
         };
     } else {
-        from.cross(scene, object, hit, point, outward, wavelengths);
+        let point = TexturePoint { p: surface.p, n: surface.ng, uv: surface.uv };
+        from.cross(scene, object, hit, &point, outward, wavelengths);
     }
     let passage = transmittance(scene, &from, sample.wi, sample.distance, wavelengths, rng, counters);
     if !passage.is_black() {

@@ -57,7 +57,7 @@ impl<const N: usize> Core<N> {
     pub fn new<P>(medium: &Medium<N, P>, depth: f32) -> Option<Self> {
         let scattering = medium.sigma_s * (1.0 - medium.g);
         let reduced = medium.sigma_a + scattering;
-        if medium.emission.is_some() || !(scattering.min_value() > 0.0) {
+        if medium.emission.is_some() || scattering.min_value() <= 0.0 {
             return None;
         }
         // kappa^2 = sigma_a / D_G, D_G = (2 sigma_a + sigma_s') / (3 sigma_t'^2).

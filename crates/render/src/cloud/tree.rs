@@ -155,8 +155,8 @@ mod tests {
             let exact: [f64; 3] = std::array::from_fn(|l| {
                 points.iter().map(|q| f64::from(kernel(p.distance_squared(q.p))[l] * q.light[l])).sum()
             });
-            for l in 0..3 {
-                let x: Vec<f64> = trees.iter().map(|t| f64::from(t.gather(p, kernel, scalar)[l]) / exact[l]).collect();
+            for (l, &exact) in exact.iter().enumerate() {
+                let x: Vec<f64> = trees.iter().map(|t| f64::from(t.gather(p, kernel, scalar)[l]) / exact).collect();
                 let n = x.len() as f64;
                 let mean = x.iter().sum::<f64>() / n;
                 let variance = x.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (n - 1.0);

@@ -180,21 +180,7 @@ impl Integrator {
         let both_sides = bsdf.bsdf.transmits();
         if !bsdf.bsdf.is_specular() {
             let n = (!both_sides).then_some(if wo.dot(surface.ng) > 0.0 { surface.ng } else { -surface.ng });
-            connect::at_surface(
-                scene,
-                path,
-                object,
-                hit,
-                surface,
-                &point,
-                &bsdf,
-                None,
-                n,
-                wavelengths,
-                rng,
-                light,
-                counters,
-            );
+            connect::at_surface(scene, path, object, hit, surface, &bsdf, None, n, wavelengths, rng, light, counters);
         }
         let (uc, u) = (rng.uniform(), rng.uniform2());
         let Some(s) = bsdf.sample(wo, uc, u) else {
@@ -368,21 +354,7 @@ impl Integrator {
         let arriving = (arriving.slant.is_some() || arriving.rough.is_some()).then_some(&arriving);
         let bsdf = Shaded { bsdf: Bsdf::Entry(entry), frame, ng: surface.ng };
         let n = Some(surface.ng);
-        connect::at_surface(
-            scene,
-            path,
-            object,
-            hit,
-            surface,
-            &point,
-            &bsdf,
-            arriving,
-            n,
-            wavelengths,
-            rng,
-            light,
-            counters,
-        );
+        connect::at_surface(scene, path, object, hit, surface, &bsdf, arriving, n, wavelengths, rng, light, counters);
         let (uc, u) = (rng.uniform(), rng.uniform2());
         let Some(s) = bsdf.sample(surface.ng, uc, u) else {
             return false;
