@@ -271,6 +271,8 @@ pub fn rms_error(square: &Estimate) -> f64 {
 impl Measured {
     /// Returns where the error comes from.
     pub fn budget(&self, planar: Option<&Figures>) -> Budget {
+        // A walk has no profile whose geometry could be at fault.
+        let planar = planar.filter(|_| self.worth.mean.is_some());
         let energy = self.object.ratio.mean;
         let profile_energy = self.worth.mean.map(|d| 1.0 + d.total);
         let geometry_energy = planar.map(|p| p.ratio.mean);

@@ -82,7 +82,7 @@ fn the_comparisons_of_the_lecture_run_and_have_a_row_for_every_model() {
         fs::remove_dir_all(f.path("a")).expect("it was written");
         steps += 1;
     }
-    assert_eq!(steps, 3);
+    assert_eq!(steps, 4);
 }
 
 #[test]
