@@ -3,7 +3,7 @@
 //! $$ f(\omega_i) = \frac{T(\omega_i)}{\pi N}, \qquad N = \frac{1}{\pi} \int T(\omega) \cos\theta\, d\omega, $$
 //!
 //! so that a hemisphere of radiance 1 gives 1. Smooth boundaries have T = 1 - F and N = 1 - 2 C_1(1/eta) \[Jensen2001; pbrt-v4, NormalizedFresnelBxDF\]. Rough ones let in what
-//! their microfacets do: T is the integral of the transmitted lobe over all directions inside, met by one random facet per path ([`Entry::rough`]), and N is tabulated
+//! their microfacets do: T is the integral of the transmitted lobe over all directions inside, met by one random facet per path (`Entry::rough`), and N is tabulated
 //! over the roughness; of two roughnesses it takes the geometric mean. What facets shadow is lost, as everywhere in this boundary.
 
 use std::f32::consts::FRAC_1_PI;
@@ -23,7 +23,7 @@ pub struct Entry {
     pub eta: f32,
     /// N.
     pub norm: f32,
-    /// Microfacets: the value then lacks T, which [`Entry::rough`] estimates.
+    /// Microfacets: the value then lacks T, which `Entry::rough` estimates.
     pub ggx: Option<Ggx>,
 }
 
