@@ -37,6 +37,10 @@ use crate::bsdf::ggx::Ggx;
 use crate::scene::{Object, Scene};
 use crate::texture::TexturePoint;
 
+mod kernel;
+
+pub(crate) use kernel::Kernel;
+
 /// Probabilities of the axes: normal and two tangents.
 const AXES: [f64; 3] = [0.5, 0.25, 0.25];
 /// R in units of the extinction squared, below which a model that knows directions gives nothing.
@@ -127,6 +131,11 @@ impl Bank {
             entry: Entry { eta: eta as f32, norm, ggx: None },
             norms: OnceLock::new(),
         })
+    }
+
+    /// Returns whether the model knows directions.
+    pub fn knows_directions(&self) -> bool {
+        self.directed.is_some()
     }
 
     /// Returns the directions of entering light through a boundary with these facets, if it has any.
@@ -289,9 +298,7 @@ impl<'a, const N: usize> Exit<'a, N> {
         }
         // Points are worth their cost where several are within the radius of half of the light.
         let median = some().map(|l| l.sample(0.5, 0.5)).sum::<f64>() / count as f64;
-        let knows_directions = some().any(|l| l.directed.is_some());
-        let enough = density * PI * median * median > FEWEST && !knows_directions;
-        let density = if enough { density } else { 0.0 };
+        let density = if density * PI * median * median > FEWEST { density } else { 0.0 };
         let reach = some().map(|l| l.sample(0.5, 1.0 - 1e-6)).fold(0.0, f64::max);
         let shortest = some().map(|l| 1e-3 / l.sigma_t).fold(f64::INFINITY, f64::min);
         Some(Self { lanes, count, density, range: [shortest, reach] })
@@ -388,7 +395,8 @@ impl<'a, const N: usize> Exit<'a, N> {
             let factor = (1.0 - self.share(distance)) / (density * chance);
             let weight =
                 Spectrum::from_fn(|k| self.lanes[k].as_ref().map_or(0.0, |l| (l.eval(distance) * factor) as f32));
-            let importance = (weight * *beta).max_value();
+            // Weights may be negative where a model is.
+            let importance = (weight * *beta).map(f32::abs).max_value();
             if importance > 0.0 && importance.is_finite() {
                 hits.push((*hit, weight, importance));
             }
@@ -410,71 +418,6 @@ impl<'a, const N: usize> Exit<'a, N> {
         }
         let weight = weight * (total / (importance * followed));
         Some(Entered { hit, surface: scene.accel.surface(&ray, &hit), weight })
-    }
-}
-
-/// R w_c / n of one medium over the squared distance, in equal steps of its significand: no logarithm, no exponential.
-///
-/// *Accuracy*: linear between 64 nodes per octave, 1e-4 of R where it matters (test).
-#[derive(Debug)]
-pub(crate) struct Kernel {
-    sigma_a: [f32; 4],
-    sigma_s: [f32; 4],
-    /// Leading bits of the first node.
-    first: u32,
-    nodes: Vec<[f32; 4]>,
-    means: Vec<f32>,
-    /// Squared distances outside of which it is 0.
-    range: [f32; 2],
-}
-
-/// Bits of the fraction within a step of [`Kernel`].
-const STEP_BITS: u32 = 23 - 6;
-
-impl Kernel {
-    /// Tabulates an exit's kernel.
-    pub fn new<const N: usize>(exit: &Exit<N>, medium: &Medium<N>) -> Self {
-        let four = |s: Spectrum<N>| std::array::from_fn(|k| if k < N { s[k] } else { 0.0 });
-        let range = exit.range.map(|r| (r * r) as f32);
-        let [first, last] = range.map(|r2| r2.to_bits() >> STEP_BITS);
-        let inside = |r2: f32| (r2.sqrt()).clamp(1.000_001 * exit.range[0] as f32, 0.999_999 * exit.range[1] as f32);
-        let nodes: Vec<[f32; 4]> =
-            (first..=last + 1).map(|key| exit.per_point(inside(f32::from_bits(key << STEP_BITS)))).collect();
-        let means = nodes.iter().map(|n| n.iter().sum::<f32>() / N as f32).collect();
-        Self { sigma_a: four(medium.sigma_a), sigma_s: four(medium.sigma_s), first, nodes, means, range }
-    }
-
-    /// Returns whether it was made for a medium.
-    pub fn is_for<const N: usize>(&self, medium: &Medium<N>) -> bool {
-        (0..N).all(|k| self.sigma_a[k] == medium.sigma_a[k] && self.sigma_s[k] == medium.sigma_s[k])
-    }
-
-    #[inline]
-    fn step(&self, r2: f32) -> (usize, f32) {
-        let bits = r2.to_bits();
-        let i = (bits >> STEP_BITS) - self.first;
-        (i as usize, (bits & ((1 << STEP_BITS) - 1)) as f32 * (1.0 / (1u32 << STEP_BITS) as f32))
-    }
-
-    /// Returns R w_c / n per lane; 0 outside its range, where lines do all.
-    #[inline]
-    pub fn eval(&self, r2: f32) -> [f32; 4] {
-        if !(r2 > self.range[0] && r2 < self.range[1]) {
-            return [0.0; 4];
-        }
-        let (i, t) = self.step(r2);
-        let (a, b) = (&self.nodes[i], &self.nodes[i + 1]);
-        std::array::from_fn(|k| a[k] + t * (b[k] - a[k]))
-    }
-
-    /// Returns the mean over the lanes; below its range, that at its beginning.
-    #[inline]
-    pub fn mean(&self, r2: f32) -> f32 {
-        if r2 >= self.range[1] {
-            return 0.0;
-        }
-        let (i, t) = self.step(r2.max(self.range[0]));
-        self.means[i] + t * (self.means[i + 1] - self.means[i])
     }
 }
 

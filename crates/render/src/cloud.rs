@@ -74,10 +74,14 @@ pub(crate) struct Cloud {
     pub invalid: u64,
 }
 
-/// Returns the sites of a scene: sets of bodies that a model renders and that no other body reaches into.
+/// Returns the sites of a scene: sets of bodies that a radial model renders and that no other body reaches into. What one line in 500 never meets has none.
 pub(crate) fn sites(scene: &Scene, pixels: f64) -> Vec<Site> {
-    let mut sets: Vec<(u32, Bounds)> =
-        scene.objects.iter().filter(|o| scene.bank(o).is_some()).map(|o| (o.set(), o.common)).collect();
+    let mut sets: Vec<(u32, Bounds)> = scene
+        .objects
+        .iter()
+        .filter(|o| scene.bank(o).is_some_and(|b| !b.knows_directions()))
+        .map(|o| (o.set(), o.common))
+        .collect();
     sets.sort_by_key(|s| s.0);
     sets.dedup_by_key(|s| s.0);
     if sets.len() > MOST {
@@ -113,7 +117,11 @@ pub(crate) fn sites(scene: &Scene, pixels: f64) -> Vec<Site> {
             disc(s) * hits as f64 / f64::from(PILOT)
         })
         .collect();
-    let density = (PER_PIXEL * pixels).clamp(POINTS[0], POINTS[1]) / areas.iter().sum::<f64>();
+    let all = areas.iter().sum::<f64>();
+    if all <= 0.0 {
+        return vec![];
+    }
+    let density = (PER_PIXEL * pixels).clamp(POINTS[0], POINTS[1]) / all;
     for (site, area) in sites.iter_mut().zip(areas) {
         let lines = (density * disc(site)).min(LINES * density * area).ceil();
         site.lines = lines.min(f64::from(u32::MAX)) as u32;

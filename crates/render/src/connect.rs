@@ -329,7 +329,10 @@ impl<const N: usize, P: PhaseFunction> Tally<N, Sampler, P> for InMedium<'_, '_,
 
     #[inline]
     fn jump(&mut self, walker: &Walker<N>, rng: &mut Sampler) -> Option<Jump<N>> {
-        let jump = self.core.as_ref()?.jump(walker.p, walker.d, |p| self.interior.room_at(p), rng)?;
+        // Lights inside are no part of the core.
+        let lights = &self.scene.light_points;
+        let room = |p: Vec3| lights.iter().fold(self.interior.room_at(p), |room, l| room.min(l.distance(p)));
+        let jump = self.core.as_ref()?.jump(walker.p, walker.d, room, rng)?;
         self.interior.set_start(Start::Deep);
         Some(jump)
     }

@@ -195,7 +195,7 @@ impl Integrator {
     }
 
     /// Returns what making the points did: its counters, and the number of points whose light was not finite.
-    pub(crate) fn preparation(&self) -> Option<(&Counters, u64)> {
+    pub fn preparation(&self) -> Option<(&Counters, u64)> {
         self.cloud.as_ref().map(|c| (&c.counters, c.invalid))
     }
 
@@ -211,11 +211,8 @@ impl Integrator {
         counters: &mut Counters,
     ) {
         counters.paths += 1;
-        // What the file says is around the camera is there; otherwise it is what the bodies around it are made of.
-        let said = scene.camera_medium.and_then(|m| scene.medium::<N>(m, wavelengths));
         let inside = scene.nest_at(o);
-        let found = inside.medium(scene, wavelengths, None);
-        let ambient = if found.is_none() { said } else { None };
+        let [said, found, ambient] = scene.around(&inside, wavelengths);
         let mut path = Path {
             walker: Walker::new(o, d),
             medium: said.or(found),

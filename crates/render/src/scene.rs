@@ -1,5 +1,6 @@
 //! A scene ready to be traced.
 
+mod error;
 mod instances;
 mod models;
 mod objects;
@@ -11,7 +12,6 @@ use moonmilk_core::{Spectrum, Vec3, Wavelengths};
 use moonmilk_geometry::{Accel, Body, Bounds, Facing, Hit, Ray, Room, Surface};
 use moonmilk_optics::profile::Model;
 use moonmilk_walk::{Medium, Similar};
-use thiserror::Error;
 
 use crate::bsdf::boundary::near;
 use crate::bssrdf::Bank;
@@ -19,11 +19,12 @@ use crate::camera::Camera;
 use crate::cloud::{self, Site};
 use crate::description::{FloatTextureId, MediumId, Place, SceneDescription, Warning};
 use crate::filter::Filter;
-use crate::lights::{self, LightError, Lights};
-use crate::material::{MaterialError, Materials};
+use crate::lights::{self, Lights};
+use crate::material::Materials;
 use crate::media::{FieldAt, Matter, SceneMedium};
 use crate::nest::{Meeting, Nest};
 use crate::texture::{TexturePoint, Textures};
+pub use error::SceneError;
 use instances::Built;
 pub use objects::build_shape;
 use objects::finish_objects;
@@ -62,76 +63,6 @@ pub struct SceneOptions {
     pub similar: Option<Similarity>,
     /// Whether walks leave out the core of bodies, where the diffusion equation holds ([`moonmilk_walk::hybrid`]).
     pub hybrid: bool,
-}
-
-/// Why a scene cannot be rendered.
-#[derive(Debug, Error)]
-#[non_exhaustive]
-pub enum SceneError {
-    /// A shape is not usable.
-    #[error("{place}: {name}: {reason}")]
-    Shape {
-        /// Where it was said.
-        place: Place,
-        /// Its name.
-        name: String,
-        /// What is wrong.
-        reason: String,
-    },
-    /// A translucent object has holes.
-    #[error(
-        "{place}: {name} is open: {edges} boundary edges, the first near ({x:.4}, {y:.4}, {z:.4}); light inside would have nowhere to go"
-    )]
-    Open {
-        /// Where it was said.
-        place: Place,
-        /// Its name.
-        name: String,
-        /// Number of edges with one triangle.
-        edges: usize,
-        /// A boundary vertex, x.
-        x: f32,
-        /// A boundary vertex, y.
-        y: f32,
-        /// A boundary vertex, z.
-        z: f32,
-    },
-    /// An instance cannot stand where it should.
-    #[error("{place}: the transform of this instance of \"{name}\" is singular or not finite")]
-    Instance {
-        /// Where it was said.
-        place: Place,
-        /// Name of the object.
-        name: String,
-    },
-    /// A medium is not usable.
-    #[error("{place}: medium \"{name}\": {reason}")]
-    Medium {
-        /// Where it was said.
-        place: Place,
-        /// Its name.
-        name: String,
-        /// What is wrong.
-        reason: String,
-    },
-    /// A light is not usable.
-    #[error(transparent)]
-    Light(#[from] LightError),
-    /// The model cannot render a body.
-    #[error("{place}: {name}: the model {model} cannot render it: {reason}")]
-    Model {
-        /// Where it was said.
-        place: Place,
-        /// The shape.
-        name: String,
-        /// The model.
-        model: &'static str,
-        /// What it rejects.
-        reason: String,
-    },
-    /// A material is not usable.
-    #[error(transparent)]
-    Material(#[from] MaterialError),
 }
 
 /// What happens at a surface, as far as walks need to know.
@@ -275,6 +206,8 @@ pub struct Scene {
     similar: Option<Similarity>,
     /// Whether walks jump through the core of bodies.
     pub(crate) hybrid: bool,
+    /// Places of lights without a surface, which no jump may pass over.
+    pub(crate) light_points: Vec<Vec3>,
     scatterers: Vec<Similar>,
 }
 
@@ -334,6 +267,7 @@ impl Scene {
             sites: vec![],
             similar: options.similar,
             hybrid: options.hybrid,
+            light_points: points,
             scatterers,
         };
         scene.sites = cloud::sites(&scene, f64::from(d.film.width) * f64::from(d.film.height));
@@ -416,6 +350,15 @@ impl Scene {
         current: Option<Matter<N>>,
     ) -> Option<Matter<N>> {
         if outward { self.medium_outside(object, w, current) } else { self.medium_inside(object, point, w, current) }
+    }
+
+    /// Returns the media at a place where light is looked for from: what the file says is around the camera, what the bodies there are made of, and what is around all bodies.
+    ///
+    /// What the file says is there; it is around all bodies if the camera is in none with a medium.
+    pub(crate) fn around<const N: usize>(&self, inside: &Nest, w: &Wavelengths<N>) -> [Option<Matter<N>>; 3] {
+        let said = self.camera_medium.and_then(|m| self.medium::<N>(m, w));
+        let found = inside.medium(self, w, None);
+        [said, found, if found.is_none() { said } else { None }]
     }
 
     /// Returns a radius within which there is no surface around a point; 0 where distances are not exact (cut or squashed quadrics).

@@ -110,7 +110,7 @@ mod tests {
 
     #[test]
     fn jumps_keep_solutions_of_the_diffusion_equation() {
-        // phi = sinh(kappa r) / r around the origin, and exp(kappa z); lanes with different kappa and different shifts.
+        // phi = exp(kappa z); lanes with different kappa and different shifts.
         let medium = Medium::<3>::new(Spectrum([0.01, 0.001, 0.05]), Spectrum([5.0, 8.0, 6.5]), 0.6);
         let core = Core::new(&medium, 2.0).unwrap();
         let (p, d) = (Vec3::new(1.0, -2.0, 0.5), Vec3::new(0.6, 0.0, -0.8));

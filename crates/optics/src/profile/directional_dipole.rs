@@ -122,8 +122,14 @@ impl Directed for Directional {
 
 /// Builds the model for rendering.
 pub(crate) fn directed(medium: &OpticalProperties) -> Result<Box<dyn Directed>, Error> {
-    let profile = build::<DirectionalDipole, DirectionalDipole<Slopes>>(&INFO, medium)?;
-    Ok(Box::new(Directional { dipole: DirectionalDipole::new(medium)?, profile }))
+    Ok(Box::new(Directional::new(medium)?))
+}
+
+impl Directional {
+    fn new(medium: &OpticalProperties) -> Result<Self, Error> {
+        let profile = build::<DirectionalDipole, DirectionalDipole<Slopes>>(&INFO, medium)?;
+        Ok(Self { dipole: DirectionalDipole::new(medium)?, profile })
+    }
 }
 
 /// The directional dipole as a BSSRDF.
@@ -134,8 +140,7 @@ struct Directional {
 
 /// Builds the BSSRDF.
 pub(crate) fn bssrdf(medium: &OpticalProperties) -> Result<Box<dyn Bssrdf>, Error> {
-    let profile = build::<DirectionalDipole, DirectionalDipole<Slopes>>(&INFO, medium)?;
-    Ok(Box::new(Directional { dipole: DirectionalDipole::new(medium)?, profile }))
+    Ok(Box::new(Directional::new(medium)?))
 }
 
 impl Bssrdf for Directional {

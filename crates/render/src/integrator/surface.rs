@@ -107,6 +107,9 @@ impl Integrator {
         let back = object.open.is_some() && wo.dot(surface.ng) < 0.0;
         let bank = if hit.exiting && object.open.is_none() { None } else { scene.bank_at(object, &point, wavelengths) };
         let surface = &if back && bank.is_some() { turned(surface) } else { *surface };
+        let leave = |path: &mut Path<N>, rng: &mut Sampler, light: &mut Light<N>, counters: &mut Counters| {
+            self.leave_by_profile(scene, path, object, (surface, back), bank, wavelengths, rng, light, counters)
+        };
         if !path.seen {
             path.seen = true;
             light.normal = surface.ns;
@@ -133,17 +136,7 @@ impl Integrator {
                     path.stand(object, hit, wo.dot(surface.ng) > 0.0);
                 }
                 Crossing::Transmitted(_) if bank.is_some() => {
-                    return self.leave_by_profile(
-                        scene,
-                        path,
-                        object,
-                        (surface, back),
-                        bank,
-                        wavelengths,
-                        rng,
-                        light,
-                        counters,
-                    );
+                    return leave(path, rng, light, counters);
                 }
                 Crossing::Transmitted(d) => {
                     path.turn(d, None);
@@ -155,17 +148,7 @@ impl Integrator {
 
         // An index-matched body has no boundary besides its profile.
         if bank.is_some() && matches!(object.boundary, Boundary::Interface) {
-            return self.leave_by_profile(
-                scene,
-                path,
-                object,
-                (surface, back),
-                bank,
-                wavelengths,
-                rng,
-                light,
-                counters,
-            );
+            return leave(path, rng, light, counters);
         }
 
         // Every other surface has a BSDF.
@@ -193,17 +176,7 @@ impl Integrator {
         if bank.is_some() && s.kind == Kind::Transmission {
             // What got in: without the factor of radiance, which the way out takes back.
             path.walker.beta *= s.eta * s.eta;
-            return self.leave_by_profile(
-                scene,
-                path,
-                object,
-                (surface, back),
-                bank,
-                wavelengths,
-                rng,
-                light,
-                counters,
-            );
+            return leave(path, rng, light, counters);
         }
         // Coats sample by a random walk: what competes with light sampling is their density as light sampling knows it.
         let pdf = if matches!(bsdf.bsdf, Bsdf::Layered(_)) { bsdf.pdf(wo, s.wi) } else { s.pdf };
@@ -384,7 +357,7 @@ impl Integrator {
         let Some(bank) = scene.bank(object) else {
             return Spectrum::ZERO;
         };
-        let around = scene.camera_medium.and_then(|m| scene.medium::<N>(m, wavelengths));
+        let [.., around] = scene.around(&scene.nest_at(scene.camera.origin()), wavelengths);
         let medium = scene.medium_outside(object, wavelengths, around);
         let mut path = Path {
             walker: Walker::new(surface.p, -surface.ng),

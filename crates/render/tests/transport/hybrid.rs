@@ -4,10 +4,10 @@ use moonmilk_core::{Spectrum, Vec3, Wavelengths};
 use moonmilk_geometry::generate::bumpy_sphere;
 use moonmilk_optics::fresnel::reflectance_f64;
 use moonmilk_optics::halfspace::{Anisotropic, Illumination};
-use moonmilk_render::description::{MediumKind, SpectrumDescription};
+use moonmilk_render::description::{LightKind, MediumKind, SpectrumDescription};
 
 use crate::bodies::Body;
-use crate::common::{World, assert_equal, assert_exact, measure, rectangle, samples, smooth, uniform_ray};
+use crate::common::{World, assert_equal, assert_exact, ball, measure, rectangle, samples, smooth, uniform_ray};
 use crate::furnace::assert_white;
 use crate::half_space::{layer, look};
 
@@ -36,6 +36,26 @@ fn a_half_space_under_the_hybrid_reflects_what_the_exact_one_does() {
         // An approximation: its error is below .2 % here, measured with forty times the paths.
         assert_exact(&format!("half-space under the hybrid, {alpha_prime} {g} {eta}"), e, exact, 2e-3 * exact);
     }
+}
+
+#[test]
+fn no_jump_passes_over_a_lamp_inside() {
+    // A point light in the middle of an index-matched ball: all that comes out was scattered or came straight.
+    let mut world = World::new();
+    let medium = world.medium(0.02, 12.0, 0.0);
+    let boundary = world.dielectric(1.0, 0.0);
+    world.body(&ball(1.0), boundary, Some(medium), None);
+    let intensity = SpectrumDescription::Constant(1.0);
+    world.light(LightKind::Point { intensity, from: Vec3::new(0.1, 0.0, 0.2) });
+    let see = |t: &crate::common::Tracer, seed: u64, n: u64| {
+        let [e] = measure(n, |i| {
+            let (o, d) = uniform_ray(seed, i, 1.2);
+            [t.radiance(i, o, d)]
+        });
+        e
+    };
+    let (exact, hybrid) = (see(&world.tracer(), 7, samples(20_000, 16)), see(&world.hybrid(), 8, samples(20_000, 16)));
+    assert_equal("hybrid and exact around a lamp inside", hybrid, exact);
 }
 
 #[test]

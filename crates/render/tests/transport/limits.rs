@@ -6,6 +6,7 @@ use moonmilk_core::{Vec3, Wavelengths};
 use moonmilk_geometry::Mesh;
 use moonmilk_geometry::generate::bumpy_sphere;
 use moonmilk_optics::fresnel::reflectance_f64;
+use moonmilk_optics::profile::find;
 use moonmilk_render::description::{MediumKind, SpectrumDescription, SubsurfaceMedium};
 use moonmilk_render::film::{Film, QUANTUM};
 use moonmilk_render::integrator::Counters;
@@ -171,21 +172,39 @@ fn a_capped_mesh_loses_nothing() {
 #[test]
 fn a_replayed_sample_is_what_the_film_holds() {
     let (world, _, _) = shells();
-    let mut tracer = world.distant(Vec3::Z, 0.0).environment(0.7).tracer();
+    replays(world.distant(Vec3::Z, 0.0).environment(0.7).tracer());
+}
+
+#[test]
+fn a_replayed_sample_of_a_model_with_points_is_what_the_film_holds() {
+    let mut world = World::new();
+    let medium = world.medium(0.1, 2.0, 0.0);
+    let boundary = world.dielectric(1.3, 0.0);
+    world.body(&ball(1.0), boundary, Some(medium), None);
+    let world = world.distant(Vec3::Z, 1.0).environment(0.7);
+    let options = SceneOptions { model: Some(find("dipole").unwrap()), ..Default::default() };
+    replays(Tracer::new(Scene::new(&world.0, &options).unwrap().0));
+}
+
+/// Asserts that a film rendered in two goes holds the samples as they are found one by one.
+fn replays(mut tracer: Tracer) {
     for mode in [moonmilk_core::WavelengthMode::Hero, moonmilk_core::WavelengthMode::Rgb] {
         tracer.integrator.wavelengths = mode;
         let first = 1237;
         let film = Film::new([16, 16], [3, 9, 5, 11], first, &[]);
         let (stop, progress) = (AtomicBool::new(false), AtomicU64::new(0));
-        let done = session::render(&tracer.scene, &tracer.integrator, &film, first + 3, &stop, &progress);
+        let mut done = session::render(&tracer.scene, &tracer.integrator, &film, first + 1, &stop, &progress);
+        done.merge(&session::render(&tracer.scene, &tracer.integrator, &film, first + 3, &stop, &progress));
         assert_eq!((done.samples, done.invalid), (36 * 3, 0));
         let developed = film.develop(1.0);
         let mut replayed = Counters::default();
+        let integrators = [0, 1, 2].map(|s| tracer.integrator.for_sample(&tracer.scene, first + s));
+        integrators.iter().filter_map(|i| i.preparation()).for_each(|p| replayed.merge(p.0));
         for (i, pixel) in developed.rgb.iter().enumerate() {
             let at = [3 + i as u32 % 6, 5 + i as u32 / 6];
             let mut sum = [0.0f64; 3];
             for s in first..first + 3 {
-                let value = session::sample(&tracer.scene, &tracer.integrator, at, s, &mut replayed);
+                let value = session::sample(&tracer.scene, &integrators[(s - first) as usize], at, s, &mut replayed);
                 sum.iter_mut().zip(value.rgb).for_each(|(a, b)| *a += f64::from(b) / 3.0);
             }
             for c in 0..3 {

@@ -13,7 +13,9 @@ use moonmilk_optics::OpticalProperties;
 use moonmilk_optics::fresnel::{moment_1, reflectance_f64};
 use moonmilk_optics::halfspace::HFunction;
 use moonmilk_optics::profile::{Placement, Profile, find};
-use moonmilk_render::description::{MediumKind, SpectrumDescription, SubsurfaceMedium};
+use moonmilk_render::description::{
+    MediumKind, SpectrumDescription, SpectrumTexture, SubsurfaceMedium, TextureMapping,
+};
 use moonmilk_render::scene::{OpenPolicy, Scene, SceneOptions};
 
 use crate::common::{
@@ -150,6 +152,37 @@ fn points_find_indirect_light_as_lines_do() {
         [t.radiance(i, o, d)]
     });
     assert_equal("indirect light by points and by lines", a, b);
+}
+
+#[test]
+fn points_serve_textured_coefficients_and_know_what_is_around_them() {
+    // Coefficients in squares of .5, seen from within a box of fog that ends before the ball: the points are not in the fog, however the camera is.
+    let mut world = World::new();
+    let mut squares = |x: [f32; 2]| {
+        let [a, b] = x.map(|x| world.spectrum(SpectrumDescription::Constant(x)));
+        let mapping = TextureMapping::Point(Mat4::from_scale(Vec3::splat(2.0)));
+        world.0.spectrum_textures.push(SpectrumTexture::Checkerboard { mapping, a, b });
+        world.0.spectrum_textures.len() - 1
+    };
+    let (sigma_a, sigma_s) = (squares([0.2, 0.02]), squares([2.0, 4.0]));
+    let material = world.subsurface(SubsurfaceMedium::Coefficients { sigma_a, sigma_s }, 0.0, 1.3);
+    world.surface(&ball(1.0), material);
+    let fog = world.medium(0.5, 0.0, 0.0);
+    let none = world.dielectric(1.0, 0.0);
+    world.body(&flat(&cuboid(Vec3::new(-1.0, -1.0, 3.0), Vec3::new(1.0, 1.0, 5.0))), none, Some(fog), None);
+    world.0.camera.medium = Some(fog);
+    let t = tracer(&world.environment(1.0), "dipole");
+    let ray = |i| {
+        let [u, v] = Stream::new(&[41, i]).uniform2();
+        let o = Vec3::new(0.0, 0.0, 4.0);
+        (o, (Vec3::new(1.6 * u - 0.8, 1.6 * v - 0.8, 0.0) - o).normalize())
+    };
+    let [a] = by_points(&t, samples(200, 8), 100, |_| Wavelengths::<1>::Fixed(550.0), ray);
+    let [b] = measure(samples(60_000, 8), |i| {
+        let (o, d) = ray(i);
+        [t.radiance(i, o, d)]
+    });
+    assert_equal("textured coefficients by points and by lines, from within fog", a, b);
 }
 
 #[test]
