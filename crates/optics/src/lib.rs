@@ -16,6 +16,7 @@
 //! | how much does a half-space reflect, exactly, at any asymmetry and index? | [`halfspace`] |
 //! | which medium has this albedo? | [`inversion`] |
 //! | how far does light spread before it comes out? | [`profile`], all models by name; exactly: [`profile::tabulated`] |
+//! | what gets out of a ball, exactly, for light from its centre? | [`escape`] |
 //! | what do slabs and closed bodies do? | [`profile::multipole`]; exact ones to test a simulation with in [`slab`] |
 //!
 //! Three albedos have three names: `alpha` of one collision, `alpha_prime` reduced by similarity, `albedo` of a surface with all its scattering.
@@ -88,6 +89,8 @@
 pub mod boundary;
 pub mod conventions;
 pub mod error;
+pub mod escape;
+mod exponential;
 pub mod fresnel;
 pub mod halfspace;
 pub mod inversion;
