@@ -96,6 +96,16 @@ impl Clearance {
         d.max(0.0)
     }
 
+    /// Returns about the largest distance to a surface that there is in the box \[L\].
+    pub fn depth(&self) -> f32 {
+        self.grid.as_ref().map_or(0.5 * self.bounds.extent().min_element(), |g| 255.0 * 255.0 * g.scale)
+    }
+
+    /// Returns how far below the true distance a bound may be, near surfaces: 0 for balls, else what cells and their corners add up to \[L\].
+    pub fn coarseness(&self) -> f32 {
+        self.grid.as_ref().map_or(0.0, |g| 3.5 / g.inv_cell)
+    }
+
     /// Returns the bytes held.
     pub fn memory(&self) -> usize {
         size_of::<Self>() + self.balls.capacity() * 16 + self.grid.as_ref().map_or(0, |g| g.codes.capacity())

@@ -58,6 +58,17 @@ impl Room {
         }
     }
 
+    /// Returns about the largest distance to the shape's own surfaces that there is inside \[L\].
+    pub fn depth(&self) -> f32 {
+        self.own.depth() * self.placed.as_ref().map_or(1.0, |m| m.stretch)
+    }
+
+    /// Returns how far below the true distance a bound may be near surfaces \[L\].
+    pub fn coarseness(&self) -> f32 {
+        let own = self.own.coarseness() * self.placed.as_ref().map_or(1.0, |m| m.stretch);
+        own.max(self.foreign.as_ref().map_or(0.0, Clearance::coarseness))
+    }
+
     /// Returns the bytes that are this shape's alone.
     pub fn memory(&self) -> usize {
         let own = if self.placed.is_none() { self.own.memory() } else { 0 };
