@@ -164,16 +164,50 @@ def pictures(checks, folder, factor, scenes):
             checks.line(ok, f"{name:12s} worst of {used.sum()} blocks {z:.2f} sigma (p {normal_p(z):.1e}, limit {limit:.1e}: 4 sigma after Sidak)")
 
 
-def efficiency(folder, scenes, spp, seeds, modes):
+def scaled_quad(numbers, factor):
+    """Corner coordinates of a quad that is `factor` times as wide and high about its centre."""
+    x = [float(n) for n in numbers.split()]
+    centre = [sum(x[k::3]) / (len(x) // 3) for k in range(3)]
+    return " ".join(repr(centre[i % 3] + factor * (v - centre[i % 3])) for i, v in enumerate(x))
+
+
+def variant(name, folder, light, density):
+    """A folder with both scene files of a reference scene, its light `light` times as wide and high, its scattering `density` times as strong."""
+    here, out = os.path.join(REFERENCE, name), os.path.join(folder, "variant", name)
+    os.makedirs(out, exist_ok=True)
+    meshes = os.path.normpath(os.path.join(ROOT, "..", "shared", "meshes"))
+    text = open(os.path.join(here, "scene.pbrt")).read().replace("../../meshes", meshes)
+    text = re.sub(r'("point3 P" \[)([^\]]*)(\])', lambda m: m[1] + scaled_quad(m[2], light) + m[3], text, count=1)
+    sigma = {}
+    for which in "as":
+        found = re.search(rf'"spectrum sigma_{which}" \[ *\S+ (\S+)', text)
+        sigma[which] = float(found[1]) * (density if which == "s" else 1)
+        text = re.sub(rf'("spectrum sigma_{which}" \[)[^\]]*', lambda m: f"{m[1]} 200 {sigma[which]!r} 1000 {sigma[which]!r} ", text)
+    open(os.path.join(out, "scene.pbrt"), "w").write(text)
+    text = open(os.path.join(here, "scene.xml")).read().replace("../../meshes", meshes)
+    text = re.sub(r'(name="sigma_t" value=")[^"]*', lambda m: m[1] + repr(sigma["a"] + sigma["s"]), text)
+    text = re.sub(r'(name="albedo" value=")[^"]*', lambda m: m[1] + repr(sigma["s"] / (sigma["a"] + sigma["s"])), text)
+    head, quad = text.split('<shape type="rectangle" name="light">')
+    columns = lambda m: m[1] + " ".join(repr(float(v) * (light if i % 4 < 2 and i < 12 else 1)) for i, v in enumerate(m[2].split()))
+    text = head + '<shape type="rectangle" name="light">' + re.sub(r'(<matrix value=")([^"]*)', columns, quad, count=1)
+    open(os.path.join(out, "scene.xml"), "w").write(text)
+    open(os.path.join(out, "mask.exr"), "wb").write(open(os.path.join(here, "mask.exr"), "rb").read())
+    return out
+
+
+def efficiency(folder, scenes, spp, seeds, modes, walk, light, density):
     import numpy as np
     print("efficiency = 1 / (nMSE x CPU s) over the object's pixels; both renderers in turn, same machine, same minutes")
+    if light != 1 or density != 1:
+        print(f"lights {light:g} times as wide and high, scattering {density:g} times as strong")
     for name in scenes or ["sphere", "dragon", "milk"]:
-        mask = gray(os.path.join(REFERENCE, name, "mask.exr")) > 0.5
-        scene = black_light(os.path.join(REFERENCE, name, "scene.pbrt"), folder)
+        here = variant(name, folder, light, density)
+        mask = gray(os.path.join(here, "mask.exr")) > 0.5
+        scene = black_light(os.path.join(here, "scene.pbrt"), folder)
         found = {}
         for mode in modes:
             images, cost = [], []
-            settings = ["--wavelengths", "mono", "--walk", "classic", "--subsurface", mode]
+            settings = ["--wavelengths", "mono", "--walk", walk, "--subsurface", mode]
             # The process's start and the loading of the scene are measured apart and taken off, as Mitsuba's are.
             idle = min(render(scene, os.path.join(folder, "idle.exr"), *settings, "--spp", 1, "--crop", "0,1,0,1") for _ in range(3))
             for k in range(seeds):
@@ -186,18 +220,12 @@ def efficiency(folder, scenes, spp, seeds, modes):
             cpu = float(np.mean(cost))
             found[mode] = (mean, nmse, cpu)
             print(f"{name:8s} moonmilk {mode}: mean {mean:.5f}, nMSE {nmse:.4g} at {spp} spp, {cpu:.2f} CPU s, efficiency {1 / (nmse * cpu):.4g}", flush=True)
-        script = os.path.join(REFERENCE, "measure_mitsuba.py")
-        for label, rr in [("roulette off", None), ("rr_depth 100", 100)]:
-            s = script
-            if rr is not None:
-                # The same scene with another roulette depth, in a copy.
-                s = os.path.join(folder, f"rr{rr}", "measure_mitsuba.py")
-                os.makedirs(os.path.join(folder, f"rr{rr}", name), exist_ok=True)
-                text = open(os.path.join(REFERENCE, name, "scene.xml")).read().replace('name="rr_depth" value="1000000"', f'name="rr_depth" value="{rr}"')
-                text = re.sub(r"\.\./\.\./meshes", os.path.join(ROOT, "..", "shared", "meshes"), text)
-                open(os.path.join(folder, f"rr{rr}", name, "scene.xml"), "w").write(text)
-                open(s, "w").write(open(script).read())
-                open(os.path.join(folder, f"rr{rr}", name, "mask.exr"), "wb").write(open(os.path.join(REFERENCE, name, "mask.exr"), "rb").read())
+        for label, rr in [("roulette off", 1000000), ("rr_depth 100", 100)]:
+            # A copy of the scene and of the script, which looks for scenes beside itself.
+            s = os.path.join(os.path.dirname(here), "measure_mitsuba.py")
+            open(s, "w").write(open(os.path.join(REFERENCE, "measure_mitsuba.py")).read())
+            text = open(os.path.join(here, "scene.xml")).read()
+            open(os.path.join(here, "scene.xml"), "w").write(re.sub(r'(name="rr_depth" value=")\d+', rf"\g<1>{rr}", text))
             python = os.environ.get("MITSUBA_PYTHON", sys.executable)
             r = subprocess.run([python, s, name, "--spp", str(spp), "--seeds", str(seeds)], capture_output=True, text=True)
             if r.returncode != 0:
@@ -219,6 +247,9 @@ def main():
     p.add_argument("--spp", type=int, default=32)
     p.add_argument("--seeds", type=int, default=4)
     p.add_argument("--subsurface", default="path", help="efficiency: modes, separated by commas")
+    p.add_argument("--walk", default="auto", help="efficiency: policy of walks")
+    p.add_argument("--light", type=float, default=1.0, help="efficiency: width and height of the light, times the scene's")
+    p.add_argument("--density", type=float, default=1.0, help="efficiency: scattering coefficient, times the scene's")
     a = p.parse_args()
     if not os.path.isdir(REFERENCE):
         print("skipped: ../shared/reference is absent, no comparison with other renderers")
@@ -233,7 +264,7 @@ def main():
         if a.what in ("checks", "pictures"):
             pictures(checks, folder, factor, scenes)
         if a.what == "efficiency":
-            efficiency(folder, scenes, a.spp, a.seeds, a.subsurface.split(","))
+            efficiency(folder, scenes, a.spp, a.seeds, a.subsurface.split(","), a.walk, a.light, a.density)
     if checks.failed:
         print(f"{checks.failed} checks failed")
         sys.exit(4)

@@ -6,6 +6,7 @@ use std::time::Duration;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use moonmilk_core::wavelengths::WavelengthMode;
 use moonmilk_render::film::Aov;
+use moonmilk_render::integrator::Policy;
 
 use crate::compare::args::Compare;
 use crate::lab_args::{ProfileArgs, Simulate, Validate};
@@ -92,6 +93,10 @@ pub struct Render {
     /// Print what the transport did, on standard output.
     #[arg(long)]
     pub stats: bool,
+    /// Afterwards follow a sixteenth of the samples once more by plain walks, and print the difference with its confidence interval:
+    /// the bias of an approximation, and nothing beyond noise for a policy of exact walks (else exit code 4).
+    #[arg(long, conflicts_with = "pixel")]
+    pub audit: bool,
 
     /// Samples per pixel (default: the scene's).
     #[arg(long, group = "budget", value_name = "N", help_heading = "When it is done",
@@ -129,9 +134,10 @@ pub struct Render {
     /// How the inside of translucent objects is solved.
     #[arg(long, default_value = "path", value_name = "MODE", value_parser = values::subsurface, help_heading = "Transport")]
     pub subsurface: String,
-    /// How exact walks are sampled; the mean is the same for all.
+    /// How exact walks are sampled; the mean is the same for all: classic (flight by flight), jump (over balls of the
+    /// medium at once), or auto.
     #[arg(long, default_value = "auto", value_name = "POLICY", value_parser = values::walk, help_heading = "Transport")]
-    pub walk: String,
+    pub walk: Policy,
     /// Wavelengths: hero, rgb, mono, or one wavelength in nm.
     #[arg(long, default_value = "hero", value_name = "W", value_parser = values::wavelengths, help_heading = "Transport")]
     pub wavelengths: WavelengthMode,

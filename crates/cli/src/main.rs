@@ -1,6 +1,7 @@
 //! The program `moonmilk`: see the README and `moonmilk --help`.
 
 mod args;
+mod audit;
 mod budget;
 mod check;
 mod compare;

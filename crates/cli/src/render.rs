@@ -18,7 +18,7 @@ use crate::failure::Failure;
 use crate::job::{Checkpoint, Job};
 use crate::progress::Progress;
 use crate::settings::Settings;
-use crate::{Outcome, output, replay, report};
+use crate::{Outcome, audit, output, replay, report};
 
 /// Runs the command; `bar` allows a progress bar.
 pub fn run(a: &Render, bar: bool) -> Outcome {
@@ -109,6 +109,9 @@ pub fn run(a: &Render, bar: bool) -> Outcome {
         )));
     }
     tracing::info!("{}: {} samples per pixel in {:.1} s", path.display(), film.samples(), done.elapsed.as_secs_f64());
+    if a.audit {
+        return audit::run(a, d, &scene, &integrator, crop, output::levels(&film)[1]);
+    }
     Ok(())
 }
 
@@ -143,7 +146,7 @@ fn integrator(a: &Render, d: &SceneDescription) -> Integrator {
         Some(MaxDepth::Scene) => Some(d.integrator.max_depth),
         Some(MaxDepth::Count(n)) => Some(n),
     };
-    Integrator::new(a.seed.unwrap_or(d.sampler.seed), a.wavelengths, Roulette::default(), max_depth)
+    Integrator::new(a.seed.unwrap_or(d.sampler.seed), a.wavelengths, Roulette::default(), max_depth).with_policy(a.walk)
 }
 
 /// Returns the part of the picture to render: the one asked for, which must be within, or the file's.
@@ -190,8 +193,8 @@ pub fn make(d: &SceneDescription, open: Option<Open>, subsurface: &str) -> Resul
         Some(_) => None,
         None => Some(moonmilk_optics::profile::find(subsurface).map_err(|e| Failure::Usage(e.to_string()))?),
     };
-    let (similar, hybrid) = walk.map_or((None, false), |w| (w.similar, w.hybrid));
-    Scene::new(d, &SceneOptions { open, model, similar, hybrid }).map_err(|e| {
+    let (similar, hybrid, shifted) = walk.map_or((None, false, false), |w| (w.similar, w.hybrid, w.shifted));
+    Scene::new(d, &SceneOptions { open, model, similar, hybrid, shifted }).map_err(|e| {
         let help = if matches!(e, moonmilk_render::scene::SceneError::Open { .. }) {
             " (--open cap|profile|kill renders it all the same)"
         } else {

@@ -46,10 +46,11 @@ pub fn statistics(done: &Done, scene: &Scene) -> Result<(), Failure> {
     let lines = [
         format!("samples             {samples} in {s:.2} s ({:.3e} per s)", *samples as f64 / s),
         format!(
-            "collisions          {} ({:.3e} per s), {} null",
+            "collisions          {} ({:.3e} per s), {} null, {} jumps over balls of collisions",
             c.collisions,
             c.collisions as f64 / s,
-            c.null_collisions
+            c.null_collisions,
+            c.jumps
         ),
         format!("rays                {} outside, {} segments inside, {} to lights", c.rays, c.segments, c.shadow_rays),
         format!(

@@ -38,8 +38,7 @@ impl Settings {
             ("seed", json!(integrator.seed.to_string())),
             ("wavelengths", json!(wavelengths)),
             ("subsurface", json!(subsurface)),
-            // Names the estimator, not the request: auto is classic in this version.
-            ("walk", json!("classic")),
+            ("walk", json!(integrator.policy.name())),
             ("max_depth", json!(integrator.max_depth.map_or_else(|| "none".into(), |d| d.to_string()))),
             ("open", json!(open.map_or_else(|| "refuse".into(), |o| format!("{o:?}").to_lowercase()))),
             ("crop", json!(crop)),

@@ -5,6 +5,7 @@ use std::time::Duration;
 use moonmilk_core::wavelengths::WavelengthMode;
 use moonmilk_optics::profile::MODELS;
 use moonmilk_render::film::Aov;
+use moonmilk_render::integrator::Policy;
 use moonmilk_render::walks::WALKS;
 
 use crate::args::{AovList, MaxDepth, Unit};
@@ -13,7 +14,7 @@ use crate::args::{AovList, MaxDepth, Unit};
 const LONGEST: f64 = 3.2e7;
 
 /// Names of the ways to solve the inside that the design has and this version lacks.
-const PLANNED: [&str; 2] = ["jump-shifted", "diffusion"];
+const PLANNED: [&str; 1] = ["diffusion"];
 const POLICIES: [&str; 4] = ["classic", "jump", "guided", "auto"];
 
 /// Returns the names of all ways to solve the inside that this version has.
@@ -54,17 +55,16 @@ pub fn subsurface(s: &str) -> Result<String, String> {
     Err(format!("there is no \"{s}\"; did you mean \"{nearest}\"? (available: {list})"))
 }
 
-/// Returns the name of a policy of the walk.
-pub fn walk(s: &str) -> Result<String, String> {
-    match s {
-        "classic" | "auto" => Ok(s.into()),
-        _ if POLICIES.contains(&s) => {
-            Err(format!("\"{s}\" is planned but not in this version; available: classic, auto (= classic)"))
-        }
-        _ => {
-            Err(format!("there is no \"{s}\"; did you mean \"{}\"? (available: classic, auto)", nearest(s, &POLICIES)))
-        }
+/// Returns the policy of a name.
+pub fn walk(s: &str) -> Result<Policy, String> {
+    if let Some(policy) = Policy::ALL.into_iter().find(|p| p.name() == s) {
+        return Ok(policy);
     }
+    let available = Policy::ALL.map(Policy::name).join(", ");
+    if POLICIES.contains(&s) {
+        return Err(format!("\"{s}\" is planned but not in this version; available: {available}"));
+    }
+    Err(format!("there is no \"{s}\"; did you mean \"{}\"? (available: {available})", nearest(s, &POLICIES)))
 }
 
 /// Returns the known name that shares most with s.
@@ -206,7 +206,7 @@ mod tests {
         assert!((fraction("2%").expect("valid") - 0.02).abs() < 1e-15);
         assert!(fraction("0").is_err() && crop("1,1,0,2").is_err() && range("5..5").is_err());
         let unknown = subsurface("photn-beam").expect_err("unknown");
-        let start = "there is no \"photn-beam\"; did you mean \"photon-beam\"? (available: path, similarity-1, similarity-3, hybrid, gaussian, ";
+        let start = "there is no \"photn-beam\"; did you mean \"photon-beam\"? (available: path, similarity-1, similarity-3, hybrid, jump-shifted, gaussian, ";
         assert!(unknown.starts_with(start), "{unknown}");
         assert!(subsurface("diffusion").expect_err("planned").contains("planned"));
         assert_eq!(subsurface("photon-beam").as_deref(), Ok("photon-beam"));

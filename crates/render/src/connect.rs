@@ -3,7 +3,8 @@
 use moonmilk_core::{Random, Sampler, Spectrum, Vec3, Wavelengths};
 use moonmilk_geometry::{Hit, Ray, Surface};
 use moonmilk_walk::hybrid::{Core, Jump};
-use moonmilk_walk::{Medium, PhaseFunction, Roulette, Tally, Walker, heterogeneous};
+use moonmilk_walk::jump::{self, Scattering, Turn};
+use moonmilk_walk::{Domain, Medium, PhaseFunction, Roulette, Tally, Walker, heterogeneous};
 
 use crate::bsdf::Shaded;
 use crate::bssrdf::Arriving;
@@ -199,18 +200,16 @@ impl<const N: usize> From<N> {
 
 /// Returns what a light sample contributes: value x radiance x transmittance over the densities of both strategies.
 ///
-/// `value` is beta times BSDF and cosine, or phase function; `pdf` the density with which scattering would have drawn the
-/// direction, 0 if it cannot. The path would also have had to get through with the lanes' mean transmittance.
+/// `value` is beta times BSDF and cosine, or phase function; `chance` per lane the density with which scattering would have drawn the
+/// direction, 0 if it cannot, times the lane's ratio. The path would also have had to get through.
 #[inline]
 fn weighed<const N: usize>(
     sample: &LightSample<N>,
     value: Spectrum<N>,
-    ratio: Spectrum<N>,
-    pdf: f32,
+    chance: Spectrum<N>,
     passage: &Passage<N>,
 ) -> Spectrum<N> {
-    let through = (ratio * passage.chance).mean();
-    let density = if sample.is_delta { sample.pdf } else { sample.pdf + pdf * through };
+    let density = if sample.is_delta { sample.pdf } else { sample.pdf + (chance * passage.chance).mean() };
     value * passage.t * sample.radiance * (passage.survival / density)
 }
 
@@ -276,7 +275,7 @@ pub(crate) fn at_surface<const N: usize>(
     let passage = transmittance(scene, &from, sample.wi, sample.distance, wavelengths, rng, counters);
     if !passage.is_black() {
         let f = arriving.map_or(f, |a| f * a.factor(sample.wi, rng));
-        light.add(path.walker.collisions, weighed(&sample, path.walker.beta * f, path.walker.ratio, pdf, &passage));
+        light.add(path.walker.collisions, weighed(&sample, path.walker.beta * f, path.walker.ratio * pdf, &passage));
     }
 }
 
@@ -305,34 +304,24 @@ impl<const N: usize, P: PhaseFunction> Tally<N, Sampler, P> for InMedium<'_, '_,
         if let Some(emission) = medium.emission {
             self.light.add(walker.collisions - 1, arrived * medium.sigma_a * emission);
         }
-        if let Some(through) = &self.through {
-            let (beta, room) = (arrived * medium.sigma_s, self.interior.room_at(walker.p));
-            let start = through.connect(walker, medium, beta, room, self.wavelengths, rng, self.light, self.counters);
-            self.interior.set_start(start);
-        }
-        if self.connects {
-            // Look for light less often where little can come through: the transmittance to the wall, at most
-            // exp(-sigma_t room), is the probability; dividing by it keeps the mean.
-            let room = self.interior.room_at(walker.p);
-            // In a field the coefficients here say nothing about the way to the wall.
-            let through = match self.around {
-                Matter::Homogeneous(_) | Matter::Similar(..) => (-medium.sigma_t.min_value() * room).exp().min(1.0),
-                Matter::Field(_) => 1.0,
-            };
-            let probability = if through > 0.5 { 1.0 } else { (2.0 * through).max(LEAST) };
-            if probability == 1.0 || rng.uniform() < probability {
-                let beta = arrived * medium.sigma_s * (1.0 / probability);
-                self.sample_light(walker, |wi| medium.phase(walker.d, wi), beta, rng);
-            }
-        }
+        self.find_light(walker, medium, arrived * medium.sigma_s, &Turn { medium, from: walker.d }, rng);
+    }
+
+    #[inline]
+    fn exit(&mut self, walker: &mut Walker<N>, medium: &Medium<N, P>, exit: &jump::Exit<N>, rng: &mut Sampler) {
+        self.counters.jumps += 1;
+        self.find_light(walker, medium, walker.beta, exit, rng);
     }
 
     #[inline]
     fn jump(&mut self, walker: &Walker<N>, rng: &mut Sampler) -> Option<Jump<N>> {
         // Lights inside are no part of the core.
-        let lights = &self.scene.light_points;
-        let room = |p: Vec3| lights.iter().fold(self.interior.room_at(p), |room, l| room.min(l.distance(p)));
+        let room = |p: Vec3| {
+            let room = self.interior.room_at(p);
+            Domain::<N>::clear(self.interior, p, room, f32::INFINITY, f32::INFINITY)
+        };
         let jump = self.core.as_ref()?.jump(walker.p, walker.d, room, rng)?;
+        self.counters.jumps += 1;
         self.interior.set_start(Start::Deep);
         Some(jump)
     }
@@ -340,7 +329,7 @@ impl<const N: usize, P: PhaseFunction> Tally<N, Sampler, P> for InMedium<'_, '_,
     #[inline]
     fn landed(&mut self, walker: &Walker<N>, rng: &mut Sampler) -> bool {
         if self.connects {
-            self.sample_light(walker, |_| 0.25 * std::f32::consts::FRAC_1_PI, walker.beta, rng);
+            self.sample_light(walker, &Uniform, walker.beta, rng);
         }
         self.connects
     }
@@ -375,8 +364,50 @@ impl<const N: usize, P: PhaseFunction> Tally<N, Sampler, P> for InMedium<'_, '_,
     }
 }
 
+/// A vertex that sends light in all directions alike.
+struct Uniform;
+
+impl<const N: usize> Scattering<N> for Uniform {
+    fn towards(&self, _d: Vec3) -> (Spectrum<N>, Spectrum<N>) {
+        let all = Spectrum::splat(0.25 * std::f32::consts::FRAC_1_PI);
+        (all, all)
+    }
+}
+
 impl<const N: usize> InMedium<'_, '_, N> {
-    fn sample_light(&mut self, walker: &Walker<N>, phase: impl Fn(Vec3) -> f32, beta: Spectrum<N>, rng: &mut Sampler) {
+    /// Looks for light from a vertex where the walk has the weight `beta` before a direction is chosen.
+    #[inline]
+    fn find_light<P>(
+        &mut self,
+        walker: &Walker<N>,
+        medium: &Medium<N, P>,
+        beta: Spectrum<N>,
+        vertex: &impl Scattering<N>,
+        rng: &mut Sampler,
+    ) {
+        // Walks in homogeneous media know it already.
+        let room = if walker.room > 0.0 { walker.room } else { self.interior.room_at(walker.p) };
+        if let Some(through) = &self.through {
+            let start =
+                through.connect(walker, medium, beta, vertex, room, self.wavelengths, rng, self.light, self.counters);
+            self.interior.set_start(start);
+        }
+        if self.connects {
+            // Look for light less often where little can come through: the transmittance to the wall, at most
+            // exp(-sigma_t room), is the probability; dividing by it keeps the mean.
+            // In a field the coefficients here say nothing about the way to the wall.
+            let through = match self.around {
+                Matter::Homogeneous(_) | Matter::Similar(..) => (-medium.sigma_t.min_value() * room).exp().min(1.0),
+                Matter::Field(_) => 1.0,
+            };
+            let probability = if through > 0.5 { 1.0 } else { (2.0 * through).max(LEAST) };
+            if probability == 1.0 || rng.uniform() < probability {
+                self.sample_light(walker, vertex, beta * (1.0 / probability), rng);
+            }
+        }
+    }
+
+    fn sample_light(&mut self, walker: &Walker<N>, vertex: &impl Scattering<N>, beta: Spectrum<N>, rng: &mut Sampler) {
         let u = [rng.uniform(), rng.uniform(), rng.uniform()];
         let Some(sample) = self.scene.lights.sample(walker.p, None, self.wavelengths, u) else {
             return;
@@ -384,7 +415,10 @@ impl<const N: usize> InMedium<'_, '_, N> {
         let Some(sample) = opaque(self.scene, sample).filter(|s| !s.radiance.is_black()) else {
             return;
         };
-        let phase = phase(sample.wi);
+        let (value, density) = vertex.towards(sample.wi);
+        if value.is_black() {
+            return;
+        }
         let from = From {
             p: walker.p,
             standing: Standing::Space,
@@ -395,7 +429,7 @@ impl<const N: usize> InMedium<'_, '_, N> {
         let passage =
             transmittance(self.scene, &from, sample.wi, sample.distance, self.wavelengths, rng, self.counters);
         if !passage.is_black() {
-            self.light.add(walker.collisions, weighed(&sample, beta * phase, walker.ratio, phase, &passage));
+            self.light.add(walker.collisions, weighed(&sample, beta * value, walker.ratio * density, &passage));
         }
     }
 }

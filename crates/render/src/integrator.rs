@@ -14,7 +14,7 @@ use std::sync::Arc;
 use moonmilk_core::{Sampler, Spectrum, Vec3};
 use moonmilk_core::{WavelengthMode, Wavelengths};
 use moonmilk_walk::hybrid::{self, Core};
-use moonmilk_walk::{Medium, Outcome, Roulette, Walker, classic};
+use moonmilk_walk::{Jumps, Medium, Outcome, Roulette, Walker, classic};
 
 use crate::cloud::Cloud;
 use crate::connect;
@@ -37,6 +37,32 @@ const ENDLESS: u64 = 1 << 24;
 /// Surface bounces before roulette may end a path.
 const SURE_BOUNCES: u32 = 1;
 
+/// How exact walks are sampled; the expectation is the same for all.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Policy {
+    /// Flight by flight.
+    Classic,
+    /// Over balls of isotropic scatterers at once ([`moonmilk_walk::jump`]).
+    Jump,
+    /// Chosen per medium and body.
+    #[default]
+    Auto,
+}
+
+impl Policy {
+    /// All policies.
+    pub const ALL: [Self; 3] = [Self::Classic, Self::Jump, Self::Auto];
+
+    /// Returns its name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Classic => "classic",
+            Self::Jump => "jump",
+            Self::Auto => "auto",
+        }
+    }
+}
+
 /// Settings of exact transport.
 #[derive(Clone, Debug)]
 pub struct Integrator {
@@ -48,6 +74,8 @@ pub struct Integrator {
     pub roulette: Roulette,
     /// Largest number of bounces, every collision and surface event counted as pbrt does; `None` for no limit.
     pub max_depth: Option<u32>,
+    /// How exact walks are sampled.
+    pub policy: Policy,
     /// The light that enters bodies of a model, for one sample number; from [`Integrator::for_sample`], and never needed: without it a path finds it alone.
     cloud: Option<Arc<Cloud>>,
 }
@@ -111,6 +139,8 @@ pub struct Counters {
     pub endless: u64,
     /// Ways through bodies that a profile renders.
     pub probes: u64,
+    /// Jumps over balls of a medium; the collisions within are not counted.
+    pub jumps: u64,
 }
 
 impl Counters {
@@ -131,6 +161,7 @@ impl Counters {
             contrary,
             endless,
             probes,
+            jumps,
         } = o;
         self.paths += paths;
         self.collisions += collisions;
@@ -146,6 +177,7 @@ impl Counters {
         self.contrary += contrary;
         self.endless += endless;
         self.probes += probes;
+        self.jumps += jumps;
     }
 }
 
@@ -179,7 +211,12 @@ pub(crate) struct Path<const N: usize> {
 impl Integrator {
     /// Returns the settings; all light is found by the paths themselves.
     pub fn new(seed: u64, wavelengths: WavelengthMode, roulette: Roulette, max_depth: Option<u32>) -> Self {
-        Self { seed, wavelengths, roulette, max_depth, cloud: None }
+        Self { seed, wavelengths, roulette, max_depth, policy: Policy::default(), cloud: None }
+    }
+
+    /// Returns the settings with a policy of exact walks.
+    pub fn with_policy(self, policy: Policy) -> Self {
+        Self { policy, ..self }
     }
 
     /// Returns the integrator for one sample number of all pixels: with points on the bodies that a model renders, if that pays.
@@ -313,8 +350,15 @@ impl Integrator {
             core: if scene.hybrid { Core::new(&medium, hybrid::DEPTH) } else { None },
         };
         let limits = classic::Limits { roulette: self.roulette, collisions: collisions.saturating_add(limit) };
+        let jumps = match (self.policy, self.max_depth) {
+            _ if scene.hybrid => None,
+            (_, None) if scene.shifted => Jumps::shifted(&medium),
+            (Policy::Jump, None) => Jumps::new(&medium),
+            (Policy::Auto, None) => Jumps::new(&medium).filter(|j| j.pays(interior.depth())),
+            _ => None,
+        };
         let outcome = match scatterers {
-            None => classic::walk(&interior, &medium, &limits, &mut path.walker, &mut tally, rng),
+            None => classic::walk_with(&interior, &medium, jumps.as_ref(), &limits, &mut path.walker, &mut tally, rng),
             Some(s) => classic::walk(&interior, &medium.under(&s.law), &limits, &mut path.walker, &mut tally, rng),
         };
         counters.segments += interior.segments();

@@ -11,6 +11,13 @@ use crate::nest::{Meeting, Nest};
 use crate::scene::{Boundary, Scene, Side};
 use crate::through::{Escape, Start, Through};
 
+/// Coarseness of the grid, in least radii of jumps, from which distances are measured: a search costs as much as thirty collisions.
+const COARSE: f32 = 8.0;
+/// Bounds of the grid below this many times what they may be off by are measured anew for jumps.
+const FINE: f32 = 4.0;
+/// Most point lights among which jumps are looked for.
+const MOST_LIGHTS: usize = 16;
+
 /// What a path stands on, and on which side of it: decides which hits count next.
 #[derive(Clone, Copy, Debug)]
 pub enum Standing {
@@ -54,6 +61,9 @@ pub(crate) struct Interior<'a> {
     confines: Option<u32>,
     facing: Facing,
     room: Option<&'a Room>,
+    /// How far below the true distance that bound may be, and whether distances can be measured.
+    coarseness: f32,
+    measures: bool,
     /// Index of the smooth boundary that is crossed inside the walk; `None` if the integrator is to decide.
     smooth: Option<f32>,
     start: Standing,
@@ -78,6 +88,7 @@ impl<'a> Interior<'a> {
             }
             _ => None,
         });
+        let room = object.filter(|_| body.is_some()).map(|i| scene.room(i));
         Self {
             scene,
             object,
@@ -89,7 +100,9 @@ impl<'a> Interior<'a> {
                 })
             }),
             facing: body.map_or(Facing::Any, Facing::Exiting),
-            room: object.filter(|_| body.is_some()).map(|i| scene.room(i)),
+            room,
+            coarseness: room.map_or(0.0, Room::coarseness),
+            measures: room.is_some() && scene.measures,
             smooth,
             start,
             segments: Cell::new(0),
@@ -108,6 +121,11 @@ impl<'a> Interior<'a> {
     #[inline]
     pub fn room_at(&self, p: Vec3) -> f32 {
         self.room.map_or(0.0, |r| r.bound(p))
+    }
+
+    /// Returns about the largest distance to the surface that there is in the body; 0 outside of bodies.
+    pub fn depth(&self) -> f32 {
+        self.room.map_or(0.0, Room::depth)
     }
 
     /// Notes where the next flight begins.
@@ -168,6 +186,25 @@ impl<const N: usize> Domain<N> for Interior<'_> {
     #[inline]
     fn room(&self, p: Vec3) -> f32 {
         self.room.map_or(0.0, |r| r.bound(p))
+    }
+
+    #[inline]
+    fn clear(&self, p: Vec3, room: f32, least: f32, most: f32) -> f32 {
+        let mut clear = room;
+        // Where the cells of the grid are many mean free paths wide, measure near the surface.
+        if self.measures && self.coarseness > COARSE * least && room < FINE * self.coarseness {
+            clear = clear.max(self.scene.accel.clearance(p, least, most.min(room + self.coarseness)));
+        }
+        if self.connects() {
+            // Many lights inside cost more than jumps gain.
+            let lights = &self.scene.light_points;
+            clear = if lights.len() > MOST_LIGHTS {
+                0.0
+            } else {
+                lights.iter().fold(clear, |clear, l| clear.min(l.distance(p)))
+            };
+        }
+        clear
     }
 
     #[inline]

@@ -4,6 +4,7 @@
 //! prints, or looks at the clock; a sample of a pixel is a pure function of scene, settings, pixel and sample number
 //! ([`session::sample`]).
 
+pub mod audit;
 pub mod bsdf;
 mod bssrdf;
 pub mod camera;

@@ -63,6 +63,8 @@ pub struct SceneOptions {
     pub similar: Option<Similarity>,
     /// Whether walks leave out the core of bodies, where the diffusion equation holds ([`moonmilk_walk::hybrid`]).
     pub hybrid: bool,
+    /// Whether walks jump over shifted balls of the similar isotropic medium ([`moonmilk_walk::Jumps::shifted`]).
+    pub shifted: bool,
 }
 
 /// What happens at a surface, as far as walks need to know.
@@ -206,6 +208,10 @@ pub struct Scene {
     similar: Option<Similarity>,
     /// Whether walks jump through the core of bodies.
     pub(crate) hybrid: bool,
+    /// Whether walks jump over shifted balls.
+    pub(crate) shifted: bool,
+    /// Whether distances to surfaces can be measured ([`Accel::measures`]).
+    pub(crate) measures: bool,
     /// Places of lights without a surface, which no jump may pass over.
     pub(crate) light_points: Vec<Vec3>,
     scatterers: Vec<Similar>,
@@ -250,6 +256,7 @@ impl Scene {
         let bodies = (0..objects.len())
             .filter(|&i| objects[i].hollow && objects[i].body.is_some())
             .fold(Bounds::EMPTY, |all, i| all.union(accel.shape_bounds(i as u32)));
+        let measures = accel.measures();
         let mut scene = Self {
             accel,
             objects,
@@ -267,6 +274,8 @@ impl Scene {
             sites: vec![],
             similar: options.similar,
             hybrid: options.hybrid,
+            shifted: options.shifted,
+            measures,
             light_points: points,
             scatterers,
         };

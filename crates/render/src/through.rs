@@ -36,7 +36,8 @@ use std::f32::consts::PI;
 
 use moonmilk_core::{Random, Sampler, Spectrum, Stream, Vec3, Wavelengths};
 use moonmilk_geometry::{Facing, Hit, Prim, Ray};
-use moonmilk_walk::{Medium, PhaseFunction, Walker, math};
+use moonmilk_walk::jump::{self, Scattering};
+use moonmilk_walk::{Medium, Walker, math};
 
 use crate::bsdf::Crossing;
 use crate::bsdf::boundary::branches;
@@ -60,6 +61,8 @@ const DEEP: f32 = SHALLOW + 3.0;
 const MOST: f32 = 0.1;
 /// Optical depth down to which flights look for light: on the dragon .3, 1, 2 leave 1.95, 1.75, 1.68 at .94, .89, 1.07 s.
 const LOOK_DEPTH: f32 = 1.0;
+// Flights that cross a ball began too deep to look: what they meet is found by chance, with the density that connections reckon with.
+const _: () = assert!(LOOK_DEPTH <= jump::LEAST);
 /// How far they look [mean free paths of the hero]: 2, 4, 6 leave 1.99, 1.75, 1.74 at .89, .89, .99 s.
 const LOOK_REACH: f32 = 4.0;
 /// Share of the connections that leave the frame's light for a lobe around it, for what a plane does not know: folds, edges of the light.
@@ -282,7 +285,7 @@ impl<'a> Through<'a> {
         if begins && self.scene.lights.surface_within(p, d, reach, self.bend) { reach } else { 0.0 }
     }
 
-    /// Returns what is known of a flight of length t from p along omega that arrived with density `pdf` and is about to be refracted.
+    /// Returns what is known of a flight that went a length t from p, where it began or left a ball, along omega that arrived with density `pdf` and is about to be refracted.
     pub fn escape(
         &self,
         start: Start,
@@ -297,7 +300,8 @@ impl<'a> Through<'a> {
             return Some(Escape::Seen);
         }
         match (start, pdf) {
-            (Start::Near(start), Some(pdf)) if t <= self.reach() => {
+            // A flight that crossed a ball began before it.
+            (Start::Near(start), Some(pdf)) if t + p.distance(start.p) <= self.reach() => {
                 let outcomes = branches(-omega, ng, ns, self.eta);
                 let transmitted = outcomes.iter().filter(|b| is_transmitted(&b.1)).map(|b| b.0).sum();
                 Some(Escape::Chance {
@@ -336,7 +340,7 @@ impl<'a> Through<'a> {
     }
 
     /// Looks along the refracted continuations of a flight for light: what leaves there by chance, counted with its probability instead.
-    pub fn look<const N: usize, P: PhaseFunction>(
+    pub fn look<const N: usize, P>(
         &self,
         walker: &Walker<N>,
         medium: &Medium<N, P>,
@@ -387,11 +391,12 @@ impl<'a> Through<'a> {
     /// Makes a connection at a collision, or not; returns what the next flight competes with.
     ///
     /// `beta` is the weight after the collision, scattering coefficient included; `room` a lower bound of the depth.
-    pub fn connect<const N: usize, P: PhaseFunction>(
+    pub fn connect<const N: usize, P>(
         &self,
         walker: &Walker<N>,
         medium: &Medium<N, P>,
         beta: Spectrum<N>,
+        vertex: &impl Scattering<N>,
         room: f32,
         w: &Wavelengths<N>,
         rng: &mut Sampler,
@@ -408,7 +413,7 @@ impl<'a> Through<'a> {
             && let Some(aim) = self.aim(&start, w, counters)
         {
             let u = std::array::from_fn(|_| rng.uniform());
-            if let Some(radiance) = self.sample(&aim, &start, walker, medium, beta, w, u, counters) {
+            if let Some(radiance) = self.sample(&aim, &start, walker, medium, beta, vertex, w, u, counters) {
                 light.add(walker.collisions, radiance);
             }
         }
@@ -416,20 +421,24 @@ impl<'a> Through<'a> {
     }
 
     /// Draws a direction from the frame's refracted light and follows it to the light.
-    fn sample<const N: usize, P: PhaseFunction>(
+    fn sample<const N: usize, P>(
         &self,
         aim: &Aim,
         start: &Near,
         walker: &Walker<N>,
         medium: &Medium<N, P>,
         beta: Spectrum<N>,
+        vertex: &impl Scattering<N>,
         w: &Wavelengths<N>,
         u: [f32; 5],
         counters: &mut Counters,
     ) -> Option<Spectrum<N>> {
         let scene = self.scene;
         let omega = aim.sample(scene, w, u[3], [u[0], u[1], u[2]])?;
-        let phase = medium.phase(walker.d, omega);
+        let (value, pdf) = vertex.towards(omega);
+        if value.is_black() {
+            return None;
+        }
         // Cast the real ray to the real surface.
         let (ray, hit) = self.exit(walker.p, omega, self.reach(), counters)?;
         let surface = scene.accel.surface(&ray, &hit);
@@ -452,12 +461,12 @@ impl<'a> Through<'a> {
         let t = medium.transmittance(hit.t);
         // A look finds the path whenever its flight takes this direction, chance if it gets through and crosses as well.
         let chance = if hit.t <= self.sight(&Start::Near(*start), walker.p, omega) {
-            phase / p
+            (walker.ratio * pdf).mean() / p
         } else {
-            phase * (walker.ratio * t).mean()
+            (walker.ratio * pdf * t).mean()
         };
         let density = start.q * aim.density(scene, omega) / transmitted + chance;
         // Leaving multiplies radiance by eta^2.
-        Some(beta * t * radiance * (phase * self.eta * self.eta / density))
+        Some(beta * value * t * radiance * (self.eta * self.eta / density))
     }
 }

@@ -1,8 +1,9 @@
 //! The plain walk: exact, with no other means than flights, collisions and walls.
 
-use moonmilk_core::Random;
+use moonmilk_core::{Random, Vec3};
 
 use crate::domain::{Domain, Wall};
+use crate::jump::Jumps;
 use crate::math;
 use crate::medium::Medium;
 use crate::phase::PhaseFunction;
@@ -86,6 +87,28 @@ where
     T: Tally<N, R, P>,
     R: Random,
 {
+    walk_with(domain, medium, None, limits, walker, tally, rng)
+}
+
+/// Walks as [`walk`] does, but jumps over balls of the medium where there are jumps and there is room for one.
+///
+/// *Errors of the result*: those of the jumps' table, and rounding.
+#[inline]
+pub fn walk_with<const N: usize, P, D, T, R>(
+    domain: &D,
+    medium: &Medium<N, P>,
+    jumps: Option<&Jumps<N>>,
+    limits: &Limits,
+    walker: &mut Walker<N>,
+    tally: &mut T,
+    rng: &mut R,
+) -> Outcome<D::Exit>
+where
+    P: PhaseFunction,
+    D: Domain<N>,
+    T: Tally<N, R, P>,
+    R: Random,
+{
     let mean_free_path = 1.0 / medium.sigma_t[0];
     let connects = tally.connects();
     let mut on_wall = domain.first();
@@ -138,6 +161,9 @@ where
         on_wall = domain.start();
         let arrived = walker.collide(medium, t);
         walker.collisions += 1;
+        if connects || jumps.is_some() {
+            walker.room = domain.room(walker.p);
+        }
         let jump = tally.jump(walker, rng);
         walker.beta = arrived * medium.sigma_s;
         match &jump {
@@ -160,6 +186,45 @@ where
             continue;
         }
 
+        // Leave a ball around the collision at once.
+        if let Some(jumps) = jumps
+            && let Some((center, room, radius)) = ball(domain, jumps, walker)
+        {
+            on_wall = domain.start();
+            walker.room = room - radius;
+            if rng.uniform() < (-jumps.tau(radius)).exp() {
+                // Without a collision the flight that starts here goes on behind the ball.
+                let began = walker.p;
+                walker.d = math::uniform_sphere(rng.uniform2());
+                walker.p = center + walker.d * radius;
+                walker.scatter_point = began;
+                if jumps.shift().is_some() {
+                    walker.direction_pdf = None;
+                    continue;
+                }
+                walker.direction_pdf = connects.then_some(0.25 * std::f32::consts::FRAC_1_PI);
+                walker.pass(medium, radius);
+                continue;
+            }
+            let exit = jumps.exit(center, radius, rng);
+            exit.enter(walker);
+            walker.p = exit.p;
+            if connects {
+                walker.room = walker.room.max(domain.room(walker.p));
+            }
+            walker.collisions += 1;
+            tally.exit(walker, medium, &exit, rng);
+            let pdf = exit.leave(walker, rng);
+            tally.jumped(walker, medium, exit.collisions(walker.d));
+            walker.direction_pdf = connects.then_some(pdf);
+            walker.scatter_point = walker.p;
+            match limits.roulette.play(walker.beta.max_value() * walker.eta_scale, rng) {
+                Some(factor) => walker.beta *= factor,
+                None => return Outcome::Ended,
+            }
+            continue;
+        }
+
         // Turn by the phase function; the hero's density is every lane's.
         let d = medium.scatter(walker.d, rng);
         if connects {
@@ -170,6 +235,22 @@ where
         }
         walker.d = d;
     }
+}
+
+/// Returns centre, free room around it and radius of the ball that a jump from a collision leaves, if there is one.
+#[inline]
+fn ball<const N: usize, D: Domain<N>>(domain: &D, jumps: &Jumps<N>, walker: &Walker<N>) -> Option<(Vec3, f32, f32)> {
+    let [least, most] = jumps.range();
+    let (center, room) = match jumps.shift() {
+        None => (walker.p, walker.room),
+        Some(shift) => {
+            let center = walker.p + walker.d * shift;
+            // A centre outside has no room.
+            (center, if domain.is_outside(center) { 0.0 } else { domain.room(center) })
+        }
+    };
+    let clear = domain.clear(center, room, least, most);
+    jumps.radius(clear).map(|radius| (center, room.max(clear), radius))
 }
 
 /// Most lookups that a flight may spend on proving itself free of walls; a wall query costs about as much as thirty.

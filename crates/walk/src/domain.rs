@@ -39,6 +39,14 @@ pub trait Domain<const N: usize> {
     /// Returns a lower bound of the distance from p to any wall; 0 is always right.
     fn room(&self, p: Vec3) -> f32;
 
+    /// Returns a lower bound of the distance from p to anything that a jump must not pass over: walls, and what else is there (lights).
+    ///
+    /// `room` is [`Domain::room`] of p. A better bound than that is worth its cost where a radius of `least` or more comes of it; none above `most` is needed.
+    #[inline]
+    fn clear(&self, _p: Vec3, room: f32, _least: f32, _most: f32) -> f32 {
+        room
+    }
+
     /// Returns the first wall within `t_max` along d, and the distance to it. `from` is the wall that p stands on.
     fn segment(&self, p: Vec3, d: Vec3, t_max: f32, from: &Self::Wall) -> Option<(f32, Self::Wall)>;
 

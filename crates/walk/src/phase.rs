@@ -17,6 +17,12 @@ pub trait PhaseFunction {
     /// Returns the mean cosine of the deflection.
     fn mean_cosine(&self) -> f32;
 
+    /// Returns whether all directions are alike.
+    #[inline]
+    fn is_isotropic(&self) -> bool {
+        false
+    }
+
     /// Returns a new direction of flight for light that flew along d; two variates, one call of `uniform2`.
     #[inline]
     fn scatter(&self, d: Vec3, rng: &mut impl Random) -> Vec3 {
@@ -39,6 +45,11 @@ impl<P: PhaseFunction> PhaseFunction for &P {
     #[inline]
     fn mean_cosine(&self) -> f32 {
         (*self).mean_cosine()
+    }
+
+    #[inline]
+    fn is_isotropic(&self) -> bool {
+        (*self).is_isotropic()
     }
 
     #[inline]
@@ -79,6 +90,11 @@ impl PhaseFunction for HenyeyGreenstein {
     }
 
     #[inline]
+    fn is_isotropic(&self) -> bool {
+        self.g == 0.0
+    }
+
+    #[inline]
     fn scatter(&self, d: Vec3, rng: &mut impl Random) -> Vec3 {
         let u = rng.uniform2();
         if self.g == 0.0 { math::uniform_sphere(u) } else { math::deflect(d, self.cosine(u[0]), u[1]) }
@@ -103,6 +119,11 @@ impl PhaseFunction for Isotropic {
     #[inline]
     fn mean_cosine(&self) -> f32 {
         0.0
+    }
+
+    #[inline]
+    fn is_isotropic(&self) -> bool {
+        true
     }
 
     #[inline]

@@ -3,6 +3,7 @@
 use moonmilk_core::{Random, Spectrum};
 
 use crate::hybrid::Jump;
+use crate::jump::Exit;
 use crate::medium::Medium;
 use crate::phase::HenyeyGreenstein;
 use crate::walker::Walker;
@@ -29,6 +30,14 @@ pub trait Tally<const N: usize, R: Random, P = HenyeyGreenstein> {
     fn landed(&mut self, _walker: &Walker<N>, _rng: &mut R) -> bool {
         false
     }
+
+    /// Called where a jump over a ball has led, before the direction of exit is drawn; the walker's weight leaves out that direction and the collisions within the ball.
+    #[inline]
+    fn exit(&mut self, _walker: &mut Walker<N>, _medium: &Medium<N, P>, _exit: &Exit<N>, _rng: &mut R) {}
+
+    /// Called then with the mean number of collisions that the ball took the place of.
+    #[inline]
+    fn jumped(&mut self, _walker: &Walker<N>, _medium: &Medium<N, P>, _collisions: f32) {}
 
     /// Called in fields at each tentative collision with what is emitted towards the start of the path; `radiance` has its weight.
     #[inline]
@@ -63,7 +72,7 @@ pub struct NoTally;
 
 impl<const N: usize, R: Random, P> Tally<N, R, P> for NoTally {}
 
-/// Sums the length of all flights \[length\].
+/// Sums the length of all flights \[length\]; of balls jumped over the mean (that of collisions, with which a path's length has the expectation in common).
 #[derive(Clone, Copy, Debug, Default)]
 pub struct PathLength(pub f64);
 
@@ -71,5 +80,10 @@ impl<const N: usize, R: Random, P> Tally<N, R, P> for PathLength {
     #[inline]
     fn flight(&mut self, _walker: &Walker<N>, t: f32) {
         self.0 += f64::from(t);
+    }
+
+    #[inline]
+    fn jumped(&mut self, _walker: &Walker<N>, medium: &Medium<N, P>, collisions: f32) {
+        self.0 += f64::from(collisions / medium.sigma_t[0]);
     }
 }

@@ -11,7 +11,8 @@ use moonmilk_walk::domain::ball::Ball;
 use moonmilk_walk::domain::planar::{Face, Slab};
 use moonmilk_walk::phase::{HenyeyGreenstein, Isotropic};
 use moonmilk_walk::{
-    Domain, Medium, NoTally, Outcome, PathLength, PhaseFunction, Roulette, Stack, Walker, Wall, walk, walk_stack,
+    Domain, Jumps, Medium, NoTally, Outcome, PathLength, PhaseFunction, Roulette, Stack, Walker, Wall, walk,
+    walk_stack, walk_with,
 };
 
 const Z: f64 = 4.9;
@@ -77,6 +78,38 @@ fn mean_path_length_is_four_eta_squared_v_over_s_whatever_the_medium() {
         let e = path_length(eta, sigma_s, g, 60_000 * slow());
         let exact = f64::from(eta * eta) * 4.0 / 3.0;
         assert!(e.z(exact).abs() < Z, "eta {eta}, sigma_s {sigma_s}, g {g}: {e} against {exact}");
+    }
+}
+
+#[test]
+fn mean_path_length_by_jumps_is_that_of_flights_at_any_density() {
+    // By jumps a ball of 10 000 mean free paths costs what one of 100 does.
+    for (eta, sigma_s) in [(1.0, 3.0), (1.5, 10.0), (1.33, 100.0), (1.0, 1000.0), (1.5, 10_000.0)] {
+        let (ball, medium) = (Ball { radius: 1.0, eta }, gray(0.0, sigma_s, 0.0));
+        let jumps = Jumps::new(&medium).unwrap();
+        let (mut sum, mut events) = (Accumulator::default(), 0u64);
+        let n = 60_000 * slow();
+        for i in 0..n {
+            let mut rng = Stream::new(&[12, i]);
+            let d = cosine_distributed(&mut rng);
+            let mut length = PathLength::default();
+            if let Some(d) = enter(d, Vec3::Z, eta, &mut rng) {
+                let mut w = Walker::new(Vec3::Z, d);
+                let limits = Roulette::default().into();
+                let out = walk_with(&ball, &medium, Some(&jumps), &limits, &mut w, &mut length, &mut rng);
+                assert!(matches!(out, Outcome::Left(())), "{out:?}");
+                assert_eq!(w.beta[0], 1.0, "a conservative walk keeps its weight");
+                events += u64::from(w.collisions);
+            }
+            sum.add(length.0);
+        }
+        let (e, exact) = (sum.estimate(), f64::from(eta * eta) * 4.0 / 3.0);
+        println!(
+            "{eta} {sigma_s}: {e}, exact {exact:.5}, z {:+.2}, {:.1} events",
+            e.z(exact),
+            events as f64 / n as f64
+        );
+        assert!(e.z(exact).abs() < Z, "eta {eta}, sigma_s {sigma_s} by jumps: {e} against {exact}");
     }
 }
 

@@ -127,3 +127,19 @@ fn the_variance_layer_is_the_variance_over_seeds() {
         assert!(e.std_err / size < 0.03);
     }
 }
+
+#[test]
+fn an_audit_is_printed_beside_the_picture() {
+    let f = Folder::with_scene(&[&head([24, 24], 32), LIGHTS, CLOUD]);
+    let jumps = f.succeed("render scene.pbrt -o a.exr --walk jump --audit --wavelengths mono").stdout;
+    assert!(f.exists("a.exr") && jumps.contains("audit of --walk jump against plain walks: 1152 pairs"), "{jumps}");
+    assert_eq!(jumps.matches("within noise").count(), 2, "{jumps}");
+    let model = f.succeed("render scene.pbrt -o b.exr --subsurface dipole --audit --wavelengths mono").stdout;
+    assert!(model.contains("audit of --subsurface dipole") && model.contains("difference"), "{model}");
+    let plain = f.succeed("render scene.pbrt -o c.exr --walk classic --audit").stdout;
+    assert!(plain.contains("nothing to compare"), "{plain}");
+    // The audit takes no part in the picture.
+    f.succeed("render scene.pbrt -o d.exr --walk jump --wavelengths mono");
+    assert_eq!(f.bytes("a.exr"), f.bytes("d.exr"));
+    assert!(f.run("render scene.pbrt --audit --pixel 1,1").stderr.contains("cannot be used with"));
+}

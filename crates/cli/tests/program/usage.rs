@@ -87,6 +87,7 @@ fn help_and_version_are_data() {
         "--open",
         "--pixel",
         "--stats",
+        "--audit",
         "--samples",
         "--checkpoint-every",
     ] {

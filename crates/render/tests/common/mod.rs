@@ -7,7 +7,7 @@ use moonmilk_core::random::SOBOL_DIMENSIONS;
 use moonmilk_core::{Estimate, Frame, Mat4, Random, Sampler, Stream, Vec2, Vec3, WavelengthMode, Wavelengths};
 use moonmilk_geometry::Mesh;
 use moonmilk_render::description::*;
-use moonmilk_render::integrator::{Counters, Integrator, Light};
+use moonmilk_render::integrator::{Counters, Integrator, Light, Policy};
 use moonmilk_render::scene::{OpenPolicy, Scene, SceneOptions, Similarity};
 use moonmilk_walk::Roulette;
 use rayon::prelude::*;
@@ -276,6 +276,12 @@ impl World {
         Tracer::new(Scene::new(&self.0, &options).expect("a scene of the tests is valid").0)
     }
 
+    /// Returns the scene walked through by shifted jumps.
+    pub fn shifted(&self) -> Tracer {
+        let options = SceneOptions { shifted: true, ..Default::default() };
+        Tracer::new(Scene::new(&self.0, &options).expect("a scene of the tests is valid").0)
+    }
+
     /// Returns the scene with its media exchanged for similar ones.
     pub fn similar(&self, similarity: Similarity) -> Tracer {
         let options = SceneOptions { similar: Some(similarity), ..Default::default() };
@@ -343,6 +349,13 @@ impl Tracer {
     pub fn new(scene: Scene) -> Self {
         let integrator = Integrator::new(1, WavelengthMode::MONO, Default::default(), None);
         Self { scene, integrator, counters: Mutex::default() }
+    }
+
+    /// The same scene by a policy of exact walks, with random numbers of its own.
+    pub fn by(mut self, policy: Policy) -> Self {
+        self.integrator = self.integrator.with_policy(policy);
+        self.integrator.seed = 1 + policy as u64;
+        self
     }
 
     /// Returns what path number i finds from a point in a direction, and what it did.

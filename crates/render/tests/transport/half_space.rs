@@ -33,7 +33,7 @@ fn half_space(alpha: f32, eta: f32) -> World {
 }
 
 /// Adds a black screen at a height.
-fn screen(mut world: World, z: f32) -> World {
+pub fn screen(mut world: World, z: f32) -> World {
     let black = world.diffuse(0.0);
     world.surface(&rectangle(Vec3::Z * z, Vec3::X * 1e6, Vec3::Y * 1e6), black);
     world
@@ -48,7 +48,7 @@ pub fn look(tracer: &Tracer, i: u64, mu: f32) -> f64 {
 }
 
 /// Returns path i of an eye that looks down in all directions, by the cosine.
-fn look_everywhere(tracer: &Tracer, i: u64) -> f64 {
+pub fn look_everywhere(tracer: &Tracer, i: u64) -> f64 {
     let mut rng = Stream::new(&[42, i]);
     let [x, y] = rng.uniform2();
     let d = cosine(rng.uniform2(), -Vec3::Z);

@@ -14,6 +14,7 @@ mod furnace;
 mod half_space;
 mod hybrid;
 mod instances;
+mod jumps;
 mod limits;
 mod nested;
 mod path_length;
