@@ -162,7 +162,7 @@ impl Ball {
             column[basis.len()] = rest;
             hessenberg.push(column);
             let m = hessenberg.len();
-            if rest == 0.0 || m % 8 == 0 && rest * solve(&hessenberg, 1.0, unit(m))[m - 1].abs() < TOLERANCE {
+            if rest == 0.0 || m.is_multiple_of(8) && rest * solve(&hessenberg, 1.0, unit(m))[m - 1].abs() < TOLERANCE {
                 break;
             }
             basis.push(v.iter().map(|x| x / rest).collect());
