@@ -233,7 +233,8 @@ impl Law {
         let rest = ((u - self.mix(|l| l.below[low])) * CELLS as f32).max(0.0);
         let root = (p * p + 2.0 * (q - p) * rest).max(0.0).sqrt();
         let t = if p + root > 0.0 { (2.0 * rest / (p + root)).min(1.0) } else { 0.5 };
-        (low as f32 + t) * (1.0 / CELLS as f32)
+        // At v = 1 nothing leaves: a density of 0 must not be divided by.
+        ((low as f32 + t) * (1.0 / CELLS as f32)).min(1.0 - 1e-6)
     }
 
     /// Returns E\[alpha^N | v\] for N >= 1.
@@ -315,6 +316,8 @@ mod tests {
         for level in 0..LEVELS {
             let tau = radius(level);
             let l = Level::new(tau);
+            assert!(l.weight.iter().flatten().chain(&l.collisions).all(|x| x.is_finite()), "{tau}");
+            assert!(l.density[..CELLS].iter().all(|&p| p > 0.0), "{tau}");
             let (mut total, mut cosine, mut count) = (0.0f64, 0.0f64, 0.0f64);
             let rule = Rule::gauss(3, 0.0, 1.0);
             for m in 0..CELLS {
@@ -345,6 +348,8 @@ mod tests {
                 && rounded_down(64.0) == 64.0
                 && rounded_down(1.0) == 1.0
         );
+        let last = Law::of_level(down);
+        assert!(last.density(last.sample(1.0)) > 0.0);
         for (law, i) in [Law::new(2.2), Law::of_level(down)].into_iter().flat_map(|l| (1..200).map(move |i| (l, i))) {
             let u = i as f32 / 200.0;
             let v = law.sample(u);
