@@ -3,11 +3,11 @@
 
   python3 benches/growth.py                 table on standard output (about fifteen minutes)
   python3 benches/growth.py --quick         three albedos of five
-  python3 benches/growth.py --write         also writes docs/growth.md and docs/growth.svg
+  python3 benches/growth.py --write         also writes docs/growth.svg
 
 A ball, a slab and the dragon (skipped without ../shared) under uniform light, optical thickness sigma_t 4 V / S of 10 to 10 000, albedo of scattering .9 to .99999.
 Time is CPU time per path that enters, on one thread: the difference of two runs, so that reading, building and tables are left out. What is asked for:
-by jumps at most twice the time per tenfold thickness beyond 10. Walks flight by flight are left out where a path would take more than a thousandth of a second.
+by jumps at most twice the time per tenfold thickness beyond 10. Walks flight by flight are left out once a path has taken a tenth of a millisecond.
 """
 import argparse, os, re, subprocess, sys, tempfile
 

@@ -9,6 +9,8 @@ use crate::args::Render;
 use crate::failure::Failure;
 use crate::{Outcome, output, render};
 
+/// The mode that solves the inside exactly.
+const EXACT: &str = "path";
 /// Share of a picture's samples that are followed again.
 const SHARE: u64 = 16;
 
@@ -23,16 +25,19 @@ pub fn run(
     crop: [u32; 4],
     spp: u64,
 ) -> Outcome {
-    let exact = a.subsurface == "path";
+    let exact = a.subsurface == EXACT;
     if exact && integrator.policy == Policy::Classic {
         return output::print("audit: these are plain walks, there is nothing to compare").map(drop);
     }
     // Its warnings were printed once.
-    let (plain, _) = render::make(d, a.open, "path")?;
+    let (plain, _) = render::make(d, a.open, EXACT)?;
     let found = audit(scene, integrator, &plain, crop, spp.div_ceil(SHARE));
     let name =
         if exact { format!("--walk {}", integrator.policy.name()) } else { format!("--subsurface {}", a.subsurface) };
     output::print(&text(&name, &found))?;
+    if found.invalid > 0 {
+        tracing::warn!("{} pairs of the audit were left out: a path was not finite", found.invalid);
+    }
     if exact && (found.differs() || found.blocks_differ()) {
         return Err(Failure::Check(format!("{name} differs from plain walks by more than noise, which it must not")));
     }

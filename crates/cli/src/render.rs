@@ -7,6 +7,7 @@ use moonmilk_io::pbrt;
 use moonmilk_render::description::{SceneDescription, Warning};
 use moonmilk_render::film::Film;
 use moonmilk_render::integrator::Integrator;
+use moonmilk_render::integrator::Policy;
 use moonmilk_render::scene::{OpenPolicy, Scene, SceneOptions};
 use moonmilk_render::walks;
 use moonmilk_walk::Roulette;
@@ -37,6 +38,13 @@ pub fn run(a: &Render, bar: bool) -> Outcome {
     let crop = crop(a.crop, d)?;
     let scene = build(d, a.open, &a.subsurface)?;
     let integrator = integrator(a, d);
+    let flown = Policy::flown(d);
+    if a.walk == Policy::Jump && a.subsurface == "path" && flown > 0 {
+        tracing::warn!(
+            "--walk jump: {flown} media or materials are walked through flight by flight: they do not scatter isotropically, emit, or vary in space \
+             (--subsurface jump-shifted approximates the first)"
+        );
+    }
     if let Some(pixel) = a.pixel {
         return replay::run(a, d, &scene, &integrator, pixel);
     }

@@ -23,10 +23,12 @@ pub struct Audit {
     pub plain: Estimate,
     /// Mean of the differences, audited less plain.
     pub difference: Estimate,
-    /// Standard score of the block of 16 x 16 pixels that differs most, and the number of blocks.
+    /// Standard score of the block of 16 x 16 pixels that differs most.
     pub worst_block: f64,
     /// Number of blocks with enough light to compare.
     pub blocks: u32,
+    /// Pairs left out, as one of them was not finite.
+    pub invalid: u64,
 }
 
 impl Audit {
@@ -48,7 +50,8 @@ impl Audit {
 
 /// Follows `samples` samples of each pixel of a window (x0, x1, y0, y1) twice: as `scene` and `integrator` say, and in `plain` flight by flight.
 ///
-/// `plain` is the same description built without an approximation. A pure function of scenes, settings and window.
+/// `plain` is the same description built without an approximation. Bodies of a model are looked at by lines alone: the points that share the work are common to all pixels, and so
+/// would be their error. A pure function of scenes, settings and window.
 pub fn audit(scene: &Scene, integrator: &Integrator, plain: &Scene, window: [u32; 4], samples: u64) -> Audit {
     // Numbers of their own: the audit is no part of the picture.
     let mut seeded = integrator.clone();
@@ -56,29 +59,31 @@ pub fn audit(scene: &Scene, integrator: &Integrator, plain: &Scene, window: [u32
     let classic = seeded.clone().with_policy(Policy::Classic);
     let [x0, x1, y0, y1] = window;
     let [columns, rows] = [x1 - x0, y1 - y0].map(|n| n.div_ceil(BLOCK));
-    let blocks: Vec<[Accumulator; 2]> = (0..columns * rows)
+    let blocks: Vec<([Accumulator; 2], u64)> = (0..columns * rows)
         .into_par_iter()
         .map(|b| {
-            let mut sums = [Accumulator::default(); 2];
+            let (mut sums, mut invalid) = ([Accumulator::default(); 2], 0);
             let (x, y) = (x0 + b % columns * BLOCK, y0 + b / columns * BLOCK);
             for s in 0..samples {
-                // Points on the bodies of a model belong to a sample number.
-                let by = if !scene.sites().is_empty() { seeded.for_sample(scene, s) } else { seeded.clone() };
                 for pixel in (y..(y + BLOCK).min(y1)).flat_map(|y| (x..(x + BLOCK).min(x1)).map(move |x| [x, y])) {
-                    let [a, b] = [(scene, &by), (plain, &classic)].map(|(scene, by)| {
+                    let [a, b] = [(scene, &seeded), (plain, &classic)].map(|(scene, by)| {
                         let rgb = session::sample(scene, by, pixel, s, &mut Counters::default()).rgb;
                         f64::from(rgb[0] + rgb[1] + rgb[2]) / 3.0
                     });
-                    sums[0].add(b);
-                    sums[1].add(a - b);
+                    if a.is_finite() && b.is_finite() {
+                        sums[0].add(b);
+                        sums[1].add(a - b);
+                    } else {
+                        invalid += 1;
+                    }
                 }
             }
-            sums
+            (sums, invalid)
         })
         .collect();
     let mut sums = [Accumulator::default(); 2];
     let (mut worst, mut count) = (0.0f64, 0);
-    for block in &blocks {
+    for (block, _) in &blocks {
         sums.iter_mut().zip(block).for_each(|(s, b)| s.merge(b));
         let difference = block[1].estimate();
         if difference.std_err > 0.0 {
@@ -88,5 +93,6 @@ pub fn audit(scene: &Scene, integrator: &Integrator, plain: &Scene, window: [u32
         }
     }
     let [plain, difference] = sums.map(|s| s.estimate());
-    Audit { plain, difference, worst_block: worst, blocks: count }
+    let invalid = blocks.iter().map(|b| b.1).sum();
+    Audit { plain, difference, worst_block: worst, blocks: count, invalid }
 }

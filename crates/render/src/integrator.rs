@@ -29,39 +29,16 @@ use crate::touch;
 
 mod field;
 mod path;
+mod policy;
 mod surface;
+
+pub use policy::Policy;
 
 /// Number of events after which a path is given up and counted: no path of a scene with any loss gets there.
 const ENDLESS: u64 = 1 << 24;
 
 /// Surface bounces before roulette may end a path.
 const SURE_BOUNCES: u32 = 1;
-
-/// How exact walks are sampled; the expectation is the same for all.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Policy {
-    /// Flight by flight.
-    Classic,
-    /// Over balls of isotropic scatterers at once ([`moonmilk_walk::jump`]).
-    Jump,
-    /// Chosen per medium and body.
-    #[default]
-    Auto,
-}
-
-impl Policy {
-    /// All policies.
-    pub const ALL: [Self; 3] = [Self::Classic, Self::Jump, Self::Auto];
-
-    /// Returns its name on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Classic => "classic",
-            Self::Jump => "jump",
-            Self::Auto => "auto",
-        }
-    }
-}
 
 /// Settings of exact transport.
 #[derive(Clone, Debug)]

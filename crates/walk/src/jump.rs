@@ -33,9 +33,10 @@ use table::Law;
 /// variances by another 3 % for a third more time.
 pub const LEAST: f32 = std::f32::consts::SQRT_2;
 
-/// Least radius of a shifted jump [transport mean free paths].
+/// Least radius of a shifted jump [transport mean free paths]: from 2.5 on exits of the shifted ball are uniform to below what can be measured (physics notes, J1.1).
 const SHIFTED: f32 = 2.8;
-/// Depth of a body from which jumps pay [least radii]. Efficiency by jumps over that by flights: .87 on a ball 14 deep, 1.7 at 140; .9 on a dragon about 6 deep, 1.2 at 60.
+/// Depth of a body from which jumps pay [least radii]. Efficiency by jumps over that by flights: .87 on a ball 14 deep, 1.7 at 140; .9 on a dragon of
+/// a mean chord of 10.6 mean free paths, 1.2 ten times as dense.
 const THICK: f32 = 20.0;
 
 /// What a vertex sends in a direction, lane by lane.

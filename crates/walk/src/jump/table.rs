@@ -221,10 +221,10 @@ impl Law {
 
     /// Returns the v up to which a share u leaves.
     pub fn sample(&self, u: f32) -> f32 {
-        let mut low = usize::from(self.levels[0].guide[((u * CELLS as f32) as usize).min(CELLS - 1)]);
-        if self.c.is_some() {
-            low = 0;
-        }
+        let mut low = match self.c {
+            None => usize::from(self.levels[0].guide[((u * CELLS as f32) as usize).min(CELLS - 1)]),
+            Some(_) => 0,
+        };
         while low < CELLS - 1 && self.mix(|l| l.below[low + 1]) <= u {
             low += 1;
         }

@@ -1,0 +1,39 @@
+//! The policies of exact walks.
+
+use crate::description::{MaterialDescription, MaterialKind, MediumDescription, MediumKind, SceneDescription};
+
+/// How exact walks are sampled; the expectation is the same for all.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Policy {
+    /// Flight by flight.
+    Classic,
+    /// Over balls of isotropic scatterers at once ([`moonmilk_walk::jump`]).
+    Jump,
+    /// Chosen per medium and body.
+    #[default]
+    Auto,
+}
+
+impl Policy {
+    /// All policies.
+    pub const ALL: [Self; 3] = [Self::Classic, Self::Jump, Self::Auto];
+
+    /// Returns its name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Classic => "classic",
+            Self::Jump => "jump",
+            Self::Auto => "auto",
+        }
+    }
+
+    /// Returns how many media and materials of a scene [`Policy::Jump`] walks through flight by flight all the same: those that do not scatter isotropically, that emit, or that vary in space.
+    pub fn flown(d: &SceneDescription) -> usize {
+        let medium = |m: &&MediumDescription| match m.kind {
+            MediumKind::Homogeneous { g, .. } => g != 0.0 || m.kind.emits(),
+            _ => true,
+        };
+        let material = |m: &&MaterialDescription| matches!(m.kind, MaterialKind::Subsurface { g, .. } if g != 0.0);
+        d.media.iter().filter(medium).count() + d.materials.iter().filter(material).count()
+    }
+}
