@@ -20,6 +20,8 @@ const LEVELS: usize = 27;
 const CELLS: usize = 64;
 /// Nodes in sqrt(1 - alpha).
 const ALBEDOS: usize = 25;
+/// Weights below are those of [`smooth`], by the ratio of the node before: solutions are right to 1e-9 of what leaves without absorption.
+const LEAST_WEIGHT: f64 = 1e-10;
 
 static TABLE: [OnceLock<Level>; LEVELS] = [const { OnceLock::new() }; LEVELS];
 
@@ -120,7 +122,8 @@ impl Level {
             let root = k as f64 / (ALBEDOS - 1) as f64;
             let absorbed = over(&ball.exits(1.0 - root * root));
             for (row, w) in weight.iter_mut().zip(absorbed) {
-                row[k] = w.ln() as f32 - smooth(root as f32, tau as f32);
+                // Carry the ratio to `smooth` on where so little is left that it is the solution's error, which may be negative.
+                row[k] = if w > LEAST_WEIGHT { w.ln() as f32 - smooth(root as f32, tau as f32) } else { row[k - 1] };
             }
         }
         let collisions = over(&ball.collisions()).map(|n| n as f32);
