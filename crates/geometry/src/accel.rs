@@ -185,7 +185,7 @@ impl Accel {
 
     /// Returns the shape at a hit and where it stands.
     #[inline(always)]
-    fn shape_at(&self, hit: &Hit) -> (&Shape, Option<&Placement>) {
+    pub(crate) fn shape_at(&self, hit: &Hit) -> (&Shape, Option<&Placement>) {
         if hit.prim.instance == WORLD {
             return (&self.world.shapes[hit.shape as usize], None);
         }

@@ -233,6 +233,20 @@ impl Quadric {
         [keep(-b / a - h, false), keep(-b / a + h, true)]
     }
 
+    /// Returns where a line crosses the whole sphere, cylinder or plane of the form.
+    pub(crate) fn crossings(&self, o: DVec3, d: DVec3) -> [Option<f64>; 2] {
+        let (o, d) = (self.to_object.transform_point3(o), self.to_object.transform_vector3(d));
+        let (o, d, r) = match self.kind {
+            QuadricKind::Disk { height, .. } => return [Some((height - o.z) / d.z), None],
+            QuadricKind::Sphere { radius, .. } => (o, d, radius),
+            QuadricKind::Cylinder { radius, .. } => (o.with_z(0.0), d.with_z(0.0), radius),
+        };
+        let (a, b) = (d.length_squared(), o.dot(d));
+        let foot = o - d * (b / a);
+        let s = r * r - foot.length_squared();
+        if s >= 0.0 { [-1.0, 1.0].map(|sign| Some(sign * (s / a).sqrt() - b / a)) } else { [None, None] }
+    }
+
     /// Returns whether a direction from a point on a sphere or cylinder points outward or along it; false for a disk,
     /// which is flat.
     pub(crate) fn heads_outward(&self, o: Vec3, d: Vec3) -> bool {

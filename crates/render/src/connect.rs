@@ -4,13 +4,14 @@ use moonmilk_core::{Random, Sampler, Spectrum, Vec3, Wavelengths};
 use moonmilk_geometry::{Hit, Ray, Surface};
 use moonmilk_walk::hybrid::{Core, Jump};
 use moonmilk_walk::jump::{self, Scattering, Turn};
-use moonmilk_walk::{Domain, Medium, PhaseFunction, Roulette, Tally, Walker, heterogeneous};
+use moonmilk_walk::{Domain, Medium, PhaseFunction, Roulette, Tally, Walker, heterogeneous, math};
 
 use crate::bsdf::Shaded;
 use crate::bssrdf::Arriving;
 use crate::integrator::{Counters, Light, Path};
 use crate::interior::{Interior, Standing};
 use crate::lights::LightSample;
+use crate::manifold::Manifold;
 use crate::media::Matter;
 use crate::nest::Nest;
 use crate::scene::{Object, Scene};
@@ -88,7 +89,7 @@ impl<const N: usize> Passage<N> {
     }
 
     /// Returns whether no light comes through.
-    fn is_black(&self) -> bool {
+    pub(crate) fn is_black(&self) -> bool {
         self.survival == 0.0 || self.t.is_black()
     }
 }
@@ -172,7 +173,7 @@ pub(crate) fn transmittance<const N: usize>(
 
 impl<const N: usize> From<N> {
     /// Goes to the outer or inner side of an object.
-    fn cross(
+    pub(crate) fn cross(
         &mut self,
         scene: &Scene,
         object: &Object,
@@ -294,6 +295,8 @@ pub(crate) struct InMedium<'a, 'b, const N: usize> {
     pub connects: bool,
     /// Connections through the object's boundary.
     pub through: Option<Through<'a>>,
+    /// Searches for lamps without extent behind the object's boundary.
+    pub manifold: Option<Manifold<'a>>,
     /// Jumps through the core of the body.
     pub core: Option<Core<N>>,
 }
@@ -331,6 +334,13 @@ impl<const N: usize, P: PhaseFunction> Tally<N, Sampler, P> for InMedium<'_, '_,
         if self.connects {
             self.sample_light(walker, &Uniform, walker.beta, rng);
         }
+        if let (Some(manifold), Matter::Homogeneous(medium) | Matter::Similar(medium, _)) =
+            (&self.manifold, &self.around)
+        {
+            let (from, beta, room) = (self.from(walker.p), walker.beta, walker.room);
+            let (light, counters) = (&mut *self.light, &mut *self.counters);
+            manifold.connect(walker, medium, beta, &Uniform, room, from, self.wavelengths, rng, light, counters);
+        }
         self.connects
     }
 
@@ -346,7 +356,7 @@ impl<const N: usize, P: PhaseFunction> Tally<N, Sampler, P> for InMedium<'_, '_,
 
     #[inline]
     fn connects(&self) -> bool {
-        self.connects || self.through.is_some()
+        self.connects || self.through.is_some() || self.manifold.is_some()
     }
 
     #[inline]
@@ -372,6 +382,10 @@ impl<const N: usize> Scattering<N> for Uniform {
         let all = Spectrum::splat(0.25 * std::f32::consts::FRAC_1_PI);
         (all, all)
     }
+
+    fn draw(&self, rng: &mut impl Random) -> Vec3 {
+        math::uniform_sphere(rng.uniform2())
+    }
 }
 
 impl<const N: usize> InMedium<'_, '_, N> {
@@ -392,6 +406,21 @@ impl<const N: usize> InMedium<'_, '_, N> {
                 through.connect(walker, medium, beta, vertex, room, self.wavelengths, rng, self.light, self.counters);
             self.interior.set_start(start);
         }
+        if let Some(manifold) = &self.manifold {
+            let from = self.from(walker.p);
+            manifold.connect(
+                walker,
+                medium,
+                beta,
+                vertex,
+                room,
+                from,
+                self.wavelengths,
+                rng,
+                self.light,
+                self.counters,
+            );
+        }
         if self.connects {
             // Look for light less often where little can come through: the transmittance to the wall, at most
             // exp(-sigma_t room), is the probability; dividing by it keeps the mean.
@@ -407,6 +436,16 @@ impl<const N: usize> InMedium<'_, '_, N> {
         }
     }
 
+    fn from(&self, p: Vec3) -> From<N> {
+        From {
+            p,
+            standing: Standing::Space,
+            medium: Some(self.around),
+            ambient: self.ambient,
+            inside: self.inside.clone(),
+        }
+    }
+
     fn sample_light(&mut self, walker: &Walker<N>, vertex: &impl Scattering<N>, beta: Spectrum<N>, rng: &mut Sampler) {
         let u = [rng.uniform(), rng.uniform(), rng.uniform()];
         let Some(sample) = self.scene.lights.sample(walker.p, None, self.wavelengths, u) else {
@@ -419,13 +458,7 @@ impl<const N: usize> InMedium<'_, '_, N> {
         if value.is_black() {
             return;
         }
-        let from = From {
-            p: walker.p,
-            standing: Standing::Space,
-            medium: Some(self.around),
-            ambient: self.ambient,
-            inside: self.inside.clone(),
-        };
+        let from = self.from(walker.p);
         let passage =
             transmittance(self.scene, &from, sample.wi, sample.distance, self.wavelengths, rng, self.counters);
         if !passage.is_black() {

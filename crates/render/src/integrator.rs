@@ -19,6 +19,7 @@ use moonmilk_walk::{Jumps, Medium, Outcome, Roulette, Walker, classic};
 use crate::cloud::Cloud;
 use crate::connect;
 use crate::interior::{Exit, Interior, Standing};
+use crate::manifold::Manifold;
 use crate::media::Matter;
 use crate::nest::Nest;
 use crate::scene::Scene;
@@ -324,6 +325,7 @@ impl Integrator {
             around: matter,
             connects,
             through,
+            manifold: if self.max_depth.is_none() { Manifold::new(scene, &path.inside, &medium) } else { None },
             core: if scene.hybrid { Core::new(&medium, hybrid::DEPTH) } else { None },
         };
         let limits = classic::Limits { roulette: self.roulette, collisions: collisions.saturating_add(limit) };

@@ -17,6 +17,7 @@ pub mod filter;
 pub mod integrator;
 mod interior;
 pub mod lights;
+mod manifold;
 pub mod material;
 mod media;
 pub mod nest;

@@ -30,7 +30,7 @@
 //! frame is a function of the collision point and of random numbers drawn there, so that a chance hit, which is rare, can make
 //! the frame of its flight afterwards.
 //!
-//! Only lights with a surface take part: nothing connects to a point through a curved mirror of directions.
+//! Only lights with a surface take part; those without are solved for ([`crate::manifold`]).
 
 use std::f32::consts::PI;
 

@@ -43,6 +43,9 @@ const THICK: f32 = 20.0;
 pub trait Scattering<const N: usize> {
     /// Returns value and density [1/sr] of the lanes in a direction of flight.
     fn towards(&self, d: Vec3) -> (Spectrum<N>, Spectrum<N>);
+
+    /// Draws a direction by the hero's density.
+    fn draw(&self, rng: &mut impl Random) -> Vec3;
 }
 
 /// A collision: light that flew along `from` is turned by the law of the medium.
@@ -59,6 +62,10 @@ impl<const N: usize, P: PhaseFunction> Scattering<N> for Turn<'_, N, P> {
     fn towards(&self, d: Vec3) -> (Spectrum<N>, Spectrum<N>) {
         let phase = Spectrum::splat(self.medium.phase(self.from, d));
         (phase, phase)
+    }
+
+    fn draw(&self, rng: &mut impl Random) -> Vec3 {
+        self.medium.scatter(self.from, rng)
     }
 }
 
@@ -241,5 +248,9 @@ impl<const N: usize> Scattering<N> for Exit<N> {
         let (density, weight) = self.lanes(v);
         let density = density * per_steradian(v);
         (density * weight, density)
+    }
+    fn draw(&self, rng: &mut impl Random) -> Vec3 {
+        let u = rng.uniform2();
+        around(self.normal, self.laws[0].sample(u[0]), u[1])
     }
 }

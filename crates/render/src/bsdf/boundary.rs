@@ -163,7 +163,7 @@ struct Surface {
 
 /// Cosine of the largest angle between the normals, 5 degrees. On the scanned marble dragon none, 8 and 5 degrees leave the mean 1.0, .7 and
 /// .6 % (+- .1 %) below Mitsuba's.
-const NEAR: f32 = 0.996_195;
+pub(crate) const NEAR: f32 = 0.996_195;
 
 /// Returns an interpolated normal ns, turned back to 5 degrees from ng if it is farther: what the rule gets wrong grows with the square of that
 /// angle.

@@ -5,7 +5,7 @@ use moonmilk_geometry::{Accel, Bounds, Ray};
 
 use super::surface::point;
 use super::{Body, Patient, Severity, enclosed, transmits};
-use crate::description::{LightDescription, LightKind, MediumKind, SpectrumDescription};
+use crate::description::{LightDescription, LightKind, MediumId, MediumKind, SpectrumDescription};
 use crate::lights::position;
 
 /// Points of an area light from which it is looked at what stands in front.
@@ -83,21 +83,42 @@ fn has_extent(l: &LightDescription) -> bool {
     matches!(l.kind, LightKind::Constant { .. } | LightKind::Environment { .. })
 }
 
+/// Returns why light from points and parallel beams is not found behind a smooth refractive boundary, if it is not.
+fn hides(p: &Patient, body: &Body) -> Option<&'static str> {
+    let s = &p.d.shapes[body.shape];
+    let varies = |id: MediumId| !matches!(p.d.media[id].kind, MediumKind::Homogeneous { .. });
+    if !body.smooth || body.eta == 1.0 {
+        None
+    } else if !body.closed {
+        Some("its surface is open")
+    } else if p.scene.materials.perturbs_normals(s.material) {
+        Some("a map turns its normals")
+    } else if enclosed(s, p.shapes[body.shape].volume() > 0.0).is_some_and(varies) {
+        Some("its medium varies in space")
+    } else {
+        let mut rng = Stream::new(&[0x11a, body.shape as u64]);
+        let (at, _) = surface_point(&p.shapes[body.shape], &mut rng)?;
+        let others = around(p, at).into_iter().filter(|&i| i != body.shape);
+        let refracts = |i: usize| p.scene.materials.smooth_eta(p.d.shapes[i].material).is_some_and(|eta| eta != 1.0);
+        others.into_iter().any(refracts).then_some("it is inside another refractive object")
+    }
+}
+
 /// Reports lights without extent where smooth boundaries hide the inside from them.
 fn points_alone(p: &mut Patient, bodies: &[Body], others: bool) {
     let lost: Vec<&LightDescription> = p.d.lights.iter().filter(|l| !has_extent(l)).collect();
-    let refracts: Vec<&Body> = bodies.iter().filter(|b| b.smooth && b.eta != 1.0).collect();
-    let (Some(first), Some(body)) = (lost.first(), refracts.first()) else {
+    let hidden: Vec<(&Body, &str)> = bodies.iter().filter_map(|b| Some((b, hides(p, b)?))).collect();
+    let (Some(first), Some((body, reason))) = (lost.first(), hidden.first()) else {
         return;
     };
     let only = lost.len() == p.d.lights.len() && !others;
     let what = if only { "all lights are".to_owned() } else { format!("{} of the lights are", lost.len()) };
     let message = format!(
-        "{what} points or parallel beams (the first at {}); none of their light is found inside {} ({}){}, behind a smooth refractive boundary",
+        "{what} points or parallel beams (the first at {}); none of their light is found inside {} ({}){}, behind a smooth refractive boundary, because {reason}",
         first.place,
         body.name,
         body.place,
-        if refracts.len() > 1 { format!(" and {} other objects", refracts.len() - 1) } else { String::new() }
+        if hidden.len() > 1 { format!(" and {} other objects", hidden.len() - 1) } else { String::new() }
     );
     let advice = "replace such a light by a small sphere with an AreaLightSource (of the same power), or make the boundary slightly rough";
     let severity = if only { Severity::Problem } else { Severity::Note };

@@ -39,6 +39,7 @@ impl Integrator {
             around: Matter::Field(id),
             connects: !scene.lights.is_empty() && interior.connects(),
             through: None,
+            manifold: None,
             core: None,
         };
         let limits = classic::Limits { roulette: self.roulette, collisions: collisions.saturating_add(limit) };

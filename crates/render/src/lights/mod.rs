@@ -24,6 +24,7 @@ mod surface;
 #[cfg(test)]
 mod tests;
 mod tree;
+mod unseen;
 
 use moonmilk_core::random::mix;
 use moonmilk_core::{Spectrum, Vec2, Vec3, Wavelengths};
@@ -33,6 +34,7 @@ pub use emitters::{DEFAULT_UVS, surfaces_of};
 pub use error::LightError;
 pub use punctual::position;
 pub use surface::Surface;
+pub use unseen::{Lamp, Target};
 
 use std::collections::HashMap;
 use std::f64::consts::PI;
@@ -43,6 +45,7 @@ use environment::{Environment, PictureLight};
 use portal::Portal;
 use punctual::{Distant, Punctual};
 use tree::LightTree;
+use unseen::Unseen;
 
 use crate::description::{
     AreaLightDescription, FloatTexture, FloatTextureId, ImageId, LightDescription, LightKind, SceneDescription,
@@ -64,6 +67,7 @@ pub struct Lights {
     distant: Vec<Distant>,
     /// Box around all lights that have a surface.
     surfaces: Option<(Vec3, Vec3)>,
+    unseen: Unseen,
 }
 
 #[derive(Debug)]
@@ -155,6 +159,7 @@ impl Lights {
                 lights.surfaces = Some((all.0.min(b.min), all.1.max(b.max)));
             }
         }
+        lights.unseen = Unseen::new(&lights.placed, &bounds);
         lights.tree = LightTree::new(&bounds);
         Ok(lights)
     }

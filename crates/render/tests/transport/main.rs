@@ -15,6 +15,7 @@ mod half_space;
 mod hybrid;
 mod instances;
 mod jumps;
+mod lamps;
 mod limits;
 mod nested;
 mod path_length;

@@ -4,7 +4,7 @@ use moonmilk_core::stats::chi_square;
 
 use super::*;
 use crate::lights::octahedral::direction_of;
-use crate::lights::{Placed, refined};
+use crate::lights::{Lamp, Placed, Target, refined};
 
 #[test]
 fn the_density_of_a_hit_is_that_of_the_sample() {
@@ -184,4 +184,46 @@ fn faint_lights_are_found_as_often_as_their_probability_says() {
     let mean = p / (5.0 * step) * f64::from(n);
     // Binomial; significance 1e-5.
     assert!((f64::from(hits) - mean).abs() < 4.5 * mean.sqrt(), "{hits} against {mean}");
+}
+
+#[test]
+fn lights_without_extent_are_chosen_with_their_stated_probabilities() {
+    // 8 reference points; cells: every light without extent, and none. Chi-square at 1e-5 each.
+    let lights = Lights::of_scene(&everything()).expect("valid");
+    let mut r = Stream::new(&[48]);
+    let points: Vec<u32> = (0..lights.placed_count() as u32)
+        .filter(|&l| matches!(lights.target(Lamp::Point(l)), Some(Target::Point(_))))
+        .collect();
+    let distant = lights.distant.len();
+    assert!(points.len() > 1 && distant > 0 && lights.has_unseen());
+    for k in 0..8 {
+        let p = point(&mut r, 4.0);
+        let m = 100_000;
+        let (mut counts, mut stated) = (vec![0.0; points.len() + distant + 1], vec![0.0; points.len() + distant + 1]);
+        for _ in 0..m {
+            let cell = match lights.choose_unseen(p, uniform3(&mut r)) {
+                None => points.len() + distant,
+                Some((lamp, probability)) => {
+                    let cell = match lamp {
+                        Lamp::Point(l) => points.binary_search(&l).expect("a point"),
+                        Lamp::Distant(i) => points.len() + i as usize,
+                    };
+                    stated[cell] = f64::from(probability);
+                    cell
+                }
+            };
+            counts[cell] += 1.0;
+        }
+        assert!(stated[..points.len() + distant].iter().all(|&s| s > 0.0), "{stated:?}");
+        let none = 1.0 - stated.iter().sum::<f64>();
+        assert!(none > -1e-5, "{none}");
+        if none < 1e-6 {
+            assert_eq!((counts.pop(), stated.pop()), (Some(0.0), Some(0.0)));
+        } else {
+            *stated.last_mut().expect("cells") = none;
+        }
+        let expected: Vec<f64> = stated.iter().map(|s| s * f64::from(m)).collect();
+        let significance = chi_square(&counts, &expected, 0);
+        assert!(significance > 1e-5, "point {k}: p = {significance}");
+    }
 }
