@@ -19,6 +19,7 @@ use crate::snag::Snag;
 use crate::texture::TexturePoint;
 use crate::through::{Ahead, Start, Through};
 use crate::touch;
+use crate::window::Window;
 
 /// Share of a shadow ray's length that is left out at its end, where the light itself is: a relative length.
 const END: f32 = 1.0 - 1e-4;
@@ -297,6 +298,9 @@ pub(crate) struct InMedium<'a, 'b, const N: usize> {
     pub through: Option<Through<'a>>,
     /// Searches for lamps without extent behind the object's boundary.
     pub manifold: Option<Manifold<'a>>,
+    /// Splitting by importance, the copies of the walker still to be followed, and where their flights begin.
+    pub window: Option<Window<'a>>,
+    pub copies: Vec<(Walker<N>, Start)>,
     /// Jumps through the core of the body.
     pub core: Option<Core<N>>,
 }
@@ -314,6 +318,16 @@ impl<const N: usize, P: PhaseFunction> Tally<N, Sampler, P> for InMedium<'_, '_,
     fn exit(&mut self, walker: &mut Walker<N>, medium: &Medium<N, P>, exit: &jump::Exit<N>, rng: &mut Sampler) {
         self.counters.jumps += 1;
         self.find_light(walker, medium, walker.beta, exit, rng);
+    }
+
+    #[inline]
+    fn copies(&mut self, walker: &mut Walker<N>, rng: &mut Sampler) -> Option<u32> {
+        let window = self.window.as_ref()?;
+        Some(window.copies(walker, rng, self.counters))
+    }
+
+    fn copy(&mut self, walker: &Walker<N>) {
+        self.copies.push((*walker, self.interior.began()));
     }
 
     #[inline]

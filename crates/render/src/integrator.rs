@@ -25,8 +25,9 @@ use crate::nest::Nest;
 use crate::scene::Scene;
 use crate::snag::Snag;
 use crate::texture::TexturePoint;
-use crate::through::{Escape, Through};
+use crate::through::{Escape, Start, Through};
 use crate::touch;
+use crate::window::Window;
 
 mod field;
 mod path;
@@ -184,6 +185,10 @@ pub(crate) struct Path<const N: usize> {
     pub whole: bool,
     /// The boundary that the last flight left through, where connections compete for the light that it meets next.
     pub escape: Option<Escape>,
+    /// Where the next walk's first flight begins, if that is not a wall.
+    pub start: Option<Start>,
+    /// Copies of the path that are still to be followed.
+    pub copies: Vec<Path<N>>,
 }
 
 impl Integrator {
@@ -240,6 +245,8 @@ impl Integrator {
             seen: false,
             whole: true,
             escape: None,
+            start: None,
+            copies: Vec::new(),
         };
         let (start, probes) = (path.walker.collisions, counters.probes);
         self.follow(scene, &mut path, wavelengths, rng, light, counters);
@@ -248,8 +255,30 @@ impl Integrator {
         counters.collisions -= 2 * (counters.probes - probes);
     }
 
-    /// Follows a path to its end.
+    /// Follows a path and all its copies to their ends.
     fn follow<const N: usize>(
+        &self,
+        scene: &Scene,
+        path: &mut Path<N>,
+        wavelengths: &Wavelengths<N>,
+        rng: &mut Sampler,
+        light: &mut Light<N>,
+        counters: &mut Counters,
+    ) {
+        loop {
+            self.follow_one(scene, path, wavelengths, rng, light, counters);
+            let Some(next) = path.copies.pop() else { return };
+            // Whoever asked counts the collisions from the start of the first to the end of the last.
+            let lap = i64::from(path.walker.collisions) - i64::from(next.walker.collisions);
+            counters.collisions = counters.collisions.wrapping_add_signed(lap);
+            let copies = std::mem::take(&mut path.copies);
+            *path = next;
+            path.copies = copies;
+        }
+    }
+
+    /// Follows a path to its end, without its copies.
+    fn follow_one<const N: usize>(
         &self,
         scene: &Scene,
         path: &mut Path<N>,
@@ -310,7 +339,17 @@ impl Integrator {
             None => Through::new(scene, &path.inside, &medium, path.ambient.as_ref(), wavelengths),
             Some(_) => None,
         };
+        let manifold = if self.max_depth.is_none() { Manifold::new(scene, &path.inside, &medium) } else { None };
         let interior = Interior::new(scene, &path.inside, self.max_depth.is_some(), path.standing, through);
+        if let Some(start) = path.start.take() {
+            interior.set_start(start);
+        }
+        let splits = self.policy == Policy::Auto && !scene.hybrid && !scene.shifted && self.max_depth.is_none();
+        let window = if splits && (through.is_some() || manifold.is_some()) {
+            Window::new(scene, path.inside.innermost(), &medium, path.walker.p, wavelengths, rng)
+        } else {
+            None
+        };
         let collisions = path.walker.collisions;
         let limit = self.max_depth.map_or(ENDLESS as u32, |m| m - path.depth.min(m));
         let connects = !scene.lights.is_empty() && interior.connects();
@@ -325,7 +364,9 @@ impl Integrator {
             around: matter,
             connects,
             through,
-            manifold: if self.max_depth.is_none() { Manifold::new(scene, &path.inside, &medium) } else { None },
+            manifold,
+            window,
+            copies: Vec::new(),
             core: if scene.hybrid { Core::new(&medium, hybrid::DEPTH) } else { None },
         };
         let limits = classic::Limits { roulette: self.roulette, collisions: collisions.saturating_add(limit) };
@@ -340,6 +381,11 @@ impl Integrator {
             None => classic::walk_with(&interior, &medium, jumps.as_ref(), &limits, &mut path.walker, &mut tally, rng),
             Some(s) => classic::walk(&interior, &medium.under(&s.law), &limits, &mut path.walker, &mut tally, rng),
         };
+        let copies = std::mem::take(&mut tally.copies);
+        for (walker, start) in copies {
+            let copy = path.copy(walker, start, collisions);
+            path.copies.push(copy);
+        }
         counters.segments += interior.segments();
         self.after_walk(scene, path, outcome, collisions, wavelengths, rng, light, counters)
     }

@@ -29,3 +29,4 @@ pub mod texture;
 mod through;
 mod touch;
 pub mod walks;
+mod window;

@@ -171,11 +171,16 @@ where
             None => tally.collision(walker, medium, arrived, rng),
         }
 
-        // End walks that carry little, keeping the mean.
-        match limits.roulette.play(walker.beta.max_value() * walker.eta_scale, rng) {
-            Some(1.0) => {}
-            Some(factor) => walker.beta *= factor,
-            None => return Outcome::Ended,
+        // End walks that carry little, or split those that may find much, keeping the mean.
+        let copies = if jump.is_none() { tally.copies(walker, rng) } else { None };
+        match copies {
+            Some(0) => return Outcome::Ended,
+            Some(_) => {}
+            None => match limits.roulette.play(walker.beta.max_value() * walker.eta_scale, rng) {
+                Some(1.0) => {}
+                Some(factor) => walker.beta *= factor,
+                None => return Outcome::Ended,
+            },
         }
 
         // Go on from where a jump leads, in a uniform direction.
@@ -226,14 +231,23 @@ where
         }
 
         // Turn by the phase function; the hero's density is every lane's.
-        let d = medium.scatter(walker.d, rng);
-        if connects {
-            walker.direction_pdf = Some(medium.phase(walker.d, d));
-            walker.scatter_point = walker.p;
-        } else {
-            walker.direction_pdf = None;
+        let arrived_along = walker.d;
+        let mut left = copies.unwrap_or(1);
+        loop {
+            let d = medium.scatter(arrived_along, rng);
+            if connects {
+                walker.direction_pdf = Some(medium.phase(arrived_along, d));
+                walker.scatter_point = walker.p;
+            } else {
+                walker.direction_pdf = None;
+            }
+            walker.d = d;
+            left -= 1;
+            if left == 0 {
+                break;
+            }
+            tally.copy(walker);
         }
-        walker.d = d;
     }
 }
 

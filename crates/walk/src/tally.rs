@@ -19,6 +19,16 @@ pub trait Tally<const N: usize, R: Random, P = HenyeyGreenstein> {
     #[inline]
     fn collision(&mut self, _walker: &mut Walker<N>, _medium: &Medium<N, P>, _arrived: Spectrum<N>, _rng: &mut R) {}
 
+    /// Returns how many copies of a walker go on from a collision, each by itself, and weighs it as one of them; `None` where roulette of little weights is to decide whether one does.
+    #[inline]
+    fn copies(&mut self, _walker: &mut Walker<N>, _rng: &mut R) -> Option<u32> {
+        None
+    }
+
+    /// Called for each of them but the last, as it is about to fly on.
+    #[inline]
+    fn copy(&mut self, _walker: &Walker<N>) {}
+
     /// Returns a jump that takes the place of a collision and of all flights until near the surface, if there is to be one; [`Tally::collision`] is then not called.
     #[inline]
     fn jump(&mut self, _walker: &Walker<N>, _rng: &mut R) -> Option<Jump<N>> {

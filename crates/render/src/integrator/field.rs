@@ -40,6 +40,8 @@ impl Integrator {
             connects: !scene.lights.is_empty() && interior.connects(),
             through: None,
             manifold: None,
+            window: None,
+            copies: Vec::new(),
             core: None,
         };
         let limits = classic::Limits { roulette: self.roulette, collisions: collisions.saturating_add(limit) };

@@ -2,13 +2,34 @@
 
 use moonmilk_core::{Vec3, Wavelengths};
 use moonmilk_geometry::{Facing, Hit, NONE, Prim, Ray};
+use moonmilk_walk::Walker;
 
 use super::{Counters, Path};
 use crate::interior::Standing;
 use crate::scene::{Object, Scene};
 use crate::texture::TexturePoint;
+use crate::through::Start;
 
 impl<const N: usize> Path<N> {
+    /// Returns the path of a copy of its walker that flies on from a collision in the medium, of a walk that began with a number of collisions.
+    pub(super) fn copy(&self, walker: Walker<N>, start: Start, collisions: u32) -> Self {
+        Self {
+            walker,
+            medium: self.medium,
+            ambient: self.ambient,
+            inside: self.inside.clone(),
+            standing: Standing::Space,
+            normal: None,
+            depth: self.depth.saturating_add(walker.collisions - collisions),
+            bounces: self.bounces,
+            seen: self.seen,
+            whole: self.whole,
+            escape: None,
+            start: Some(start),
+            copies: Vec::new(),
+        }
+    }
+
     /// Sends the walker along d, drawn with a density (`None`: specular).
     pub(super) fn turn(&mut self, d: Vec3, pdf: Option<f32>) {
         self.walker.d = d;

@@ -9,7 +9,7 @@ pub enum Policy {
     Classic,
     /// Over balls of isotropic scatterers at once ([`moonmilk_walk::jump`]).
     Jump,
-    /// Chosen per medium and body.
+    /// Chosen per medium and body: jumps where scattering is isotropic and the body thick, walks split by importance where it is forward, else flights.
     #[default]
     Auto,
 }

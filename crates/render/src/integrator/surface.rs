@@ -229,6 +229,7 @@ impl Integrator {
         match (pick(true, reflected, u), pick(false, transmitted, v)) {
             (Some(Crossing::Reflected(d)), Some(other)) => {
                 let mut mirror = path.clone();
+                mirror.copies = Vec::new();
                 mirror.walker.beta *= reflected;
                 mirror.turn(d, None);
                 mirror.stand(&scene.objects[hit.shape as usize], hit, wo.dot(surface.ng) > 0.0);
@@ -371,6 +372,8 @@ impl Integrator {
             seen: true,
             whole: false,
             escape: None,
+            start: None,
+            copies: Vec::new(),
         };
         let mut light = Light::default();
         if self.receive(scene, &mut path, bank, None, hit, surface, wavelengths, rng, &mut light, counters) {

@@ -5,6 +5,7 @@ use std::f64::consts::PI;
 use moonmilk_core::{DVec3, Mat4, Random, Stream, Vec3};
 use moonmilk_geometry::generate::{bumpy_sphere, cuboid};
 use moonmilk_render::description::LightKind;
+use moonmilk_render::integrator::Policy;
 
 use crate::common::{Tracer, World, assert_equal, assert_exact, ball, flat, measure, rectangle, rgb, samples, smooth};
 
@@ -154,5 +155,21 @@ fn sampled_light_equals_light_found_by_chance_from_inside_a_body() {
             with_lamp(world, Vec3::new(-0.2, -0.3, -0.1), Vec3::new(0.1, 0.2, 0.3), Some(0), sampled)
         };
         assert_same(&format!("lamp in milk, eta {eta}"), make, EYE, Vec3::ZERO, 0.5, [60_000, 100_000]);
+    }
+}
+
+#[test]
+fn walks_split_by_importance_find_the_same_light() {
+    // A thick body, and a thin one whose walls face one another; without splitting flight by flight.
+    for (sigma_s, what) in [(25.0f32, "thick"), (5.0, "thin")] {
+        let make = |sampled: bool| {
+            let mut world = World::new();
+            let milk = world.medium(0.02, sigma_s, 0.9);
+            let glass = world.dielectric(1.33, 0.0);
+            world.body(&smooth(&bumpy_sphere(2, 0.2)), glass, Some(milk), None);
+            let tracer = lamp_overhead(world, true).tracer();
+            if sampled { tracer } else { tracer.by(Policy::Classic) }
+        };
+        assert_same_light(&format!("split milk, {what}"), make, EYE, Vec3::ZERO, 0.5, [40_000, 80_000]);
     }
 }
