@@ -59,8 +59,8 @@ const LONGEST: f64 = 0.5;
 const DIFFERENCE: f64 = 1e-5;
 /// Largest angle by which a root may miss [radians].
 const TOLERANCE: f64 = 1e-9;
-/// Angle below which two roots are the same [radians].
-const SAME: f64 = 1e-6;
+/// Angle below which two roots on the same primitives are one [radians]: where two are about to merge, on a caustic, the root of the tolerance.
+const SAME: f64 = 1e-4;
 /// Most flights for one root, for which the first of them led to it: more with a probability that is nothing.
 const MOST_FLIGHTS: u32 = 1 << 16;
 
