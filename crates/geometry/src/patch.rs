@@ -72,11 +72,6 @@ impl Accel {
 }
 
 impl Patch<'_> {
-    /// Returns whether shading normals may differ from the geometric ones.
-    pub fn is_shaded(&self) -> bool {
-        matches!(self.surface, Continued::Triangle { normals: Some(_), .. })
-    }
-
     /// Returns where a line meets the patch; of two points the one closer to the distance `near`. `None` if it passes by.
     pub fn meet(&self, o: DVec3, d: DVec3, near: f64) -> Option<Contact> {
         let (t, p, ng, ns) = match self.surface {
@@ -149,7 +144,6 @@ mod tests {
                     // Rounding of f32 coordinates of order 1.
                     assert!(c.p.as_vec3().distance(s.p) < 3e-6 && (c.t as f32 - hit.t).abs() < 3e-6);
                     assert!(c.ng.as_vec3().distance(s.ng) < 3e-6 && c.ns.as_vec3().distance(s.ns) < 1e-5);
-                    assert_eq!(patch.is_shaded(), accel.shape(0).mesh().is_some());
                     count += 1;
                 }
             }

@@ -266,7 +266,22 @@ impl Integrator {
         counters: &mut Counters,
     ) {
         loop {
-            self.follow_one(scene, path, wavelengths, rng, light, counters);
+            let mut events = 0u64;
+            let (mut snag, mut collisions) = (Snag::new(path.walker.p), path.walker.collisions);
+            while self.step(scene, path, wavelengths, rng, light, counters) {
+                events += 1;
+                // Free paths that rounding holds between walls at the same place.
+                if path.walker.collisions != collisions {
+                    (snag, collisions) = (Snag::new(path.walker.p), path.walker.collisions);
+                } else if let Some(step) = snag.meet(scene, path.walker.p, &path.standing) {
+                    counters.rescued += 1;
+                    path.free(scene, step, wavelengths);
+                }
+                if events + u64::from(path.walker.collisions) > ENDLESS {
+                    counters.endless += 1;
+                    break;
+                }
+            }
             let Some(next) = path.copies.pop() else { return };
             // Whoever asked counts the collisions from the start of the first to the end of the last.
             let lap = i64::from(path.walker.collisions) - i64::from(next.walker.collisions);
@@ -274,34 +289,6 @@ impl Integrator {
             let copies = std::mem::take(&mut path.copies);
             *path = next;
             path.copies = copies;
-        }
-    }
-
-    /// Follows a path to its end, without its copies.
-    fn follow_one<const N: usize>(
-        &self,
-        scene: &Scene,
-        path: &mut Path<N>,
-        wavelengths: &Wavelengths<N>,
-        rng: &mut Sampler,
-        light: &mut Light<N>,
-        counters: &mut Counters,
-    ) {
-        let mut events = 0u64;
-        let (mut snag, mut collisions) = (Snag::new(path.walker.p), path.walker.collisions);
-        while self.step(scene, path, wavelengths, rng, light, counters) {
-            events += 1;
-            // Free paths that rounding holds between walls at the same place.
-            if path.walker.collisions != collisions {
-                (snag, collisions) = (Snag::new(path.walker.p), path.walker.collisions);
-            } else if let Some(step) = snag.meet(scene, path.walker.p, &path.standing) {
-                counters.rescued += 1;
-                path.free(scene, step, wavelengths);
-            }
-            if events + u64::from(path.walker.collisions) > ENDLESS {
-                counters.endless += 1;
-                break;
-            }
         }
     }
 

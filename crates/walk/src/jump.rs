@@ -249,6 +249,7 @@ impl<const N: usize> Scattering<N> for Exit<N> {
         let density = density * per_steradian(v);
         (density * weight, density)
     }
+
     fn draw(&self, rng: &mut impl Random) -> Vec3 {
         let u = rng.uniform2();
         around(self.normal, self.laws[0].sample(u[0]), u[1])
