@@ -454,7 +454,7 @@ impl Integrator {
                 self.meet(scene, path, hit, &surface, wavelengths, rng, light, counters)
             }
             None => {
-                self.environment(scene, path, wavelengths, light);
+                self.environment(scene, path, wavelengths, light, counters);
                 false
             }
         }
@@ -488,7 +488,7 @@ impl Integrator {
             }
             Some(_) => false,
             None => {
-                self.environment(scene, path, wavelengths, light);
+                self.environment(scene, path, wavelengths, light, counters);
                 false
             }
         }
@@ -501,17 +501,22 @@ impl Integrator {
         path: &Path<N>,
         wavelengths: &Wavelengths<N>,
         light: &mut Light<N>,
+        counters: &mut Counters,
     ) {
         // A portal asks for the line: it starts where the direction was drawn, or at the last smooth boundary.
         let from = if path.walker.direction_pdf.is_some() { path.walker.scatter_point } else { path.walker.p };
-        let radiance = scene.lights.environment(from, path.walker.d, wavelengths);
-        if radiance.is_black() {
-            return;
-        }
-        let share = path.walker.direction_pdf.map_or(1.0, |pdf| {
-            balance(pdf, scene.lights.pdf_environment(path.walker.scatter_point, path.normal, path.walker.d))
-        });
-        light.add(path.walker.collisions, path.walker.beta * radiance * share);
+        let even = scene.lights.even_environment(path.walker.d, wavelengths);
+        let aimed = scene.lights.aimed_environment(from, path.walker.d, wavelengths);
+        let radiance = match (path.walker.direction_pdf, path.escape) {
+            (Some(pdf), _) => {
+                let sampled = scene.lights.pdf_environment(path.walker.scatter_point, path.normal, path.walker.d);
+                (even + aimed) * balance(pdf, sampled)
+            }
+            // Connections and looks leave the even part to chance.
+            (None, Some(escape)) if !aimed.is_black() => even + aimed * escape.share(scene, wavelengths, counters),
+            (None, _) => even + aimed,
+        };
+        light.add(path.walker.collisions, path.walker.beta * radiance);
     }
 }
 

@@ -73,12 +73,12 @@ impl<'a> Window<'a> {
         let Boundary::Smooth { eta } = o.boundary else { return None };
         o.body?;
         let u = [rng.uniform(), rng.uniform(), rng.uniform()];
-        let target = if scene.lights.has_surfaces() {
-            Target::Point(scene.lights.sample_surface(p, None, w, u)?.point)
+        let target = if scene.lights.has_aims() {
+            scene.lights.aim(p, None, w, u)?.target
         } else {
             scene.lights.target(scene.lights.choose_unseen(p, u)?.0)?
         };
-        // Where most light comes from the environment, which is all around, splitting would multiply its noise.
+        // Where most light comes from all around, splitting would multiply its noise.
         let height = HEIGHT * scene.lights.share_of_lamps(p);
         let sigma_t_prime = medium.sigma_s[0] * (1.0 - medium.g) + medium.sigma_a[0];
         let period = (PERIOD / (1.0 - medium.g)).max(1.0) as u32;

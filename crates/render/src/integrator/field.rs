@@ -54,7 +54,7 @@ impl Integrator {
                 if path.walker.collisions > collisions {
                     path.normal = None;
                 }
-                self.environment(scene, path, wavelengths, light);
+                self.environment(scene, path, wavelengths, light, counters);
                 return false;
             }
             Outcome::Ended => Outcome::Ended,

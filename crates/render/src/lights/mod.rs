@@ -10,6 +10,7 @@
 //! **The normal.** `Some(n)`: only light from the side of n counts (n . wi > 0); directions below may never be chosen. `None`: light from
 //! all sides counts, as in a medium and at boundaries that transmit.
 
+mod aimed;
 mod bounds;
 mod distribution;
 mod emission;
@@ -29,6 +30,7 @@ mod unseen;
 use moonmilk_core::random::mix;
 use moonmilk_core::{Spectrum, Vec2, Vec3, Wavelengths};
 
+pub use aimed::Aimed;
 pub use emission::emission;
 pub use emitters::{DEFAULT_UVS, surfaces_of};
 pub use error::LightError;
@@ -338,69 +340,6 @@ impl Lights {
                 })
             }
         }
-    }
-
-    /// Returns whether some light has a surface.
-    pub fn has_surfaces(&self) -> bool {
-        self.first_of_shape.iter().any(Option::is_some)
-    }
-
-    /// Returns whether a light's surface may lie within an angle of given sine and cosine from d, as seen from anywhere within `reach` of p; no
-    /// where lights are all around p (in the sphere around all of them): there chance finds them.
-    #[inline]
-    pub fn surface_within(&self, p: Vec3, d: Vec3, reach: f32, (sin, cos): (f32, f32)) -> bool {
-        let Some((min, max)) = self.surfaces else { return false };
-        let to = 0.5 * (min + max) - p;
-        let (radius, distance2) = (0.5 * (max - min).length() + reach, to.length_squared());
-        if radius * radius >= distance2 {
-            return false;
-        }
-        // The angle between d and the middle is at most the given one and the half angle of the sphere, which is below a right angle.
-        let half_sin = radius / distance2.sqrt();
-        let half_cos = (1.0 - half_sin * half_sin).sqrt();
-        let least = half_cos * cos - half_sin * sin;
-        // Together they may exceed a half turn only where the sine of the sum has become negative.
-        half_sin * cos + half_cos * sin < 0.0 || d.dot(to) >= (least - 1e-4) * distance2.sqrt()
-    }
-
-    /// Returns whether a ray from p along d may meet a light's surface: cheap, and never wrong with no.
-    #[inline]
-    pub fn may_meet_surface(&self, p: Vec3, d: Vec3) -> bool {
-        let Some((min, max)) = self.surfaces else { return false };
-        // Widen the box by what rounding can move points by.
-        let pad = Vec3::splat(4.0 * f32::EPSILON * p.abs().max(min.abs()).max(max.abs()).max_element());
-        let (a, b) = ((min - pad - p) / d, (max + pad - p) / d);
-        let (near, far) = (a.min(b).max_element(), a.max(b).min_element());
-        // Not a number on the faces themselves: rounding is on the side of yes.
-        !(near > far + 1e-4 * far.abs() || far < 0.0)
-    }
-
-    /// Chooses among the lights that have a position alone and returns a sample if it has a surface.
-    pub fn sample_surface<const N: usize>(
-        &self,
-        p: Vec3,
-        n: Option<Vec3>,
-        wavelengths: &Wavelengths<N>,
-        u: [f32; 3],
-    ) -> Option<LightSample<N>> {
-        let v = [f64::from(u[1]), f64::from(u[2])];
-        self.sample_placed(p, n, wavelengths, refined(u), v, 1.0).filter(|s| !s.is_delta)
-    }
-
-    /// Returns the density with which [`Lights::sample_surface`] from (p, n) yields the direction to the point q of a light's surface.
-    pub fn pdf_surface(&self, p: Vec3, n: Option<Vec3>, light: u32, q: Vec3) -> f32 {
-        match self.placed.get(light as usize) {
-            Some(Placed::Surface { surface, .. }) => {
-                (f64::from(self.tree.probability(p, n, light)) * surface.pdf(p, q)) as f32
-            }
-            _ => 0.0,
-        }
-    }
-
-    /// Returns whether a light's surface with normal `ng` shines towards the unit direction `w_out`.
-    pub fn shines(&self, light: u32, ng: Vec3, w_out: Vec3) -> bool {
-        matches!(self.placed.get(light as usize),
-            Some(Placed::Surface { surface, two_sided, .. }) if *two_sided || surface.emits_towards(w_out, ng))
     }
 
     /// Returns the density with which [`Lights::sample`] from (p, n) yields the direction to the point q of a light's surface.

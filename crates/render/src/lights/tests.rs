@@ -2,6 +2,7 @@
 //!
 //! Seeds are fixed. z-tests use |z| < 4.5 to 5, a significance below 1e-4 after the correction for the number of points of a test.
 
+mod aims;
 mod choice;
 mod closed_forms;
 mod forms;

@@ -114,12 +114,6 @@ impl Lights {
         None
     }
 
-    /// Returns about which share of the light at p comes from lights, not from the environment.
-    pub fn share_of_lamps(&self, p: Vec3) -> f32 {
-        let shares = self.shares(p, None);
-        if shares.sum > 0.0 { (1.0 - shares.environment / shares.sum) as f32 } else { 0.0 }
-    }
-
     /// Returns where a light without extent is.
     pub fn target(&self, lamp: Lamp) -> Option<Target> {
         match lamp {

@@ -9,6 +9,7 @@ mod common;
 mod bodies;
 mod colour;
 mod connections;
+mod environments;
 mod fields;
 mod furnace;
 mod half_space;
