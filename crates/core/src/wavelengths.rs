@@ -62,13 +62,6 @@ impl<const N: usize> Wavelengths<N> {
         }
     }
 
-    /// Returns the weights (N, 0, 0, ...) that keep only the hero, without bias.
-    ///
-    /// A path multiplies its throughput by them where its direction depends on the wavelength (dispersion).
-    pub fn hero_only() -> Spectrum<N> {
-        Spectrum(std::array::from_fn(|i| if i == 0 { N as f32 } else { 0.0 }))
-    }
-
     /// Returns the linear sRGB estimate of a path's radiance (relative to D65, see [`crate::color`]).
     ///
     /// Sampled lanes: the mean over the lanes of L w_c / pdf, whose expectation is the integral of L w_c. Channels: the lanes, put
@@ -208,18 +201,5 @@ mod tests {
             let lanes = Spectrum(channel.map(|c| colour[c as usize]));
             assert_eq!(w.to_rgb(lanes), colour);
         }
-    }
-
-    #[test]
-    fn keeping_only_the_hero_does_not_change_the_mean_of_rgb() {
-        let colour = [0.1f32, 0.5, 0.9];
-        let mut mean = [0.0f32; 3];
-        for k in 0..3 {
-            let w = Wavelengths::<3>::sample(WavelengthMode::Rgb, (k as f32 + 0.5) / 3.0);
-            let Wavelengths::Channels { channel } = w else { unreachable!() };
-            let rgb = w.to_rgb(Spectrum(channel.map(|c| colour[c as usize])) * Wavelengths::<3>::hero_only());
-            mean.iter_mut().zip(rgb).for_each(|(m, c)| *m += c / 3.0);
-        }
-        assert!(mean.iter().zip(colour).all(|(a, b)| (a - b).abs() < 1e-6), "{mean:?}");
     }
 }

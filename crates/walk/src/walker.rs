@@ -58,6 +58,17 @@ impl<const N: usize> Walker<N> {
         m
     }
 
+    /// Goes on with the hero alone, from where the path depends on its wavelength: weight over the hero's share of the mean density, 1/N of its own.
+    #[inline]
+    pub fn hero_only(&mut self) {
+        if N == 1 {
+            return;
+        }
+        let (beta, own) = (self.beta[0], N as f32 / self.ratio[0]);
+        let only = |x: f32| Spectrum::from_fn(|k| if k == 0 { x } else { 0.0 });
+        (self.beta, self.ratio) = (only(beta * own), only(N as f32));
+    }
+
     /// Applies the weights of a flight of length t that reached a wall: T_j against the density T_j of each lane.
     #[inline]
     pub fn pass<P>(&mut self, medium: &Medium<N, P>, t: f32) {

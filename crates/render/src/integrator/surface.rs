@@ -158,7 +158,7 @@ impl Integrator {
             d.eta /= outer;
         }
         if bsdf.bsdf.wavelength_dependent() {
-            path.walker.beta *= Wavelengths::<N>::hero_only();
+            path.walker.hero_only();
         }
         let both_sides = bsdf.bsdf.transmits();
         if !bsdf.bsdf.is_specular() {

@@ -3,9 +3,9 @@
 use moonmilk_core::color::{LAMBDA_MAX, LAMBDA_MIN, OBSERVED};
 use moonmilk_core::{Random, Stream, WavelengthMode, Wavelengths};
 use moonmilk_geometry::generate::bumpy_sphere;
-use moonmilk_render::description::{MediumKind, SpectrumDescription, SubsurfaceMedium};
+use moonmilk_render::description::{MaterialKind, MediumKind, Roughness, SpectrumDescription, SubsurfaceMedium};
 
-use crate::common::{Tracer, World, assert_equal, ball, flat, measure, samples, smooth, uniform_ray};
+use crate::common::{Tracer, World, assert_equal, assert_exact, ball, flat, measure, samples, smooth, uniform_ray};
 
 /// Coefficients of the three channels: extinctions 4, 2 and 7.
 const SIGMA_A: [f32; 3] = [0.05, 0.4, 1.0];
@@ -101,4 +101,43 @@ fn hero_wavelengths_see_what_single_wavelengths_integrate_to() {
     }
     // The scene is coloured enough for this to mean something.
     assert!(hero[0].mean > 1.05 * hero[2].mean);
+}
+
+#[test]
+fn dispersive_bodies_of_coloured_media_keep_white() {
+    // Indices that vary over the spectrum, crossed many times, around a medium whose lanes part: the hero goes on alone, once. Slow: .1 %.
+    let knots = |values: [f32; 5]| {
+        SpectrumDescription::Sampled((0..5).map(|k| (380.0 + 100.0 * k as f32, values[k])).collect())
+    };
+    let clear = |fog: bool| {
+        let mut world = World::new();
+        let nothing = SpectrumDescription::Constant(0.0);
+        let sigma_s = knots([2.0, 1.0, 0.6, 0.4, 0.3]);
+        let kind = MediumKind::Homogeneous { sigma_a: nothing, sigma_s, scale: 1.0, g: 0.3, emission: None };
+        let medium = world.medium_of(kind);
+        let alpha = world.float(0.0);
+        let roughness = Roughness { u: alpha, v: alpha, remap: false };
+        let eta = knots([1.75, 1.65, 1.6, 1.57, 1.55]);
+        let glass = world.material(MaterialKind::Dielectric { eta, roughness });
+        let matched = world.dielectric(1.0, 0.0);
+        if fog {
+            // Fog in front, of whose lanes the hero's share is not 1/N any more where the glass is met.
+            world.body(&ball(1.0), matched, Some(medium), None);
+            world.body(&ball(0.6), glass, None, Some(medium));
+        } else {
+            world.body(&ball(1.0), glass, Some(medium), None);
+        }
+        world.environment(1.0).tracer()
+    };
+    let n = samples(40_000, 40);
+    for (what, fog) in [("of fog", false), ("in fog", true)] {
+        let tracer = clear(fog);
+        let [white] = measure(n, |i| {
+            let u = Stream::new(&[56, i]).uniform();
+            let c = colour(&tracer, i, &Wavelengths::<4>::sample(WavelengthMode::Hero, u));
+            [(c[0] + c[1] + c[2]) / 3.0]
+        });
+        tracer.assert_sound();
+        assert_exact(&format!("dispersive ball {what}"), white, 1.0, 1e-4);
+    }
 }
