@@ -40,10 +40,7 @@ pub fn run(a: &Render, bar: bool) -> Outcome {
     let integrator = integrator(a, d);
     let flown = Policy::flown(d);
     if a.walk == Policy::Jump && a.subsurface == "path" && flown > 0 {
-        tracing::warn!(
-            "--walk jump: {flown} media or materials are walked through flight by flight: they do not scatter isotropically, emit, or vary in space \
-             (--subsurface jump-shifted approximates the first)"
-        );
+        tracing::warn!("--walk jump: {flown} media are walked through flight by flight: they vary in space");
     }
     if let Some(pixel) = a.pixel {
         return replay::run(a, d, &scene, &integrator, pixel);

@@ -24,8 +24,10 @@ pub fn run(a: &Render, d: &SceneDescription, scene: &Scene, integrator: &Integra
     if !output::print("sample,R,G,B,valid")? {
         return Ok(());
     }
+    let mut integrator = integrator.clone();
     for s in from..to {
-        let v = session::sample(scene, &integrator.for_sample(scene, s), pixel, s, &mut statistics.counters);
+        integrator = integrator.for_sample(scene, s);
+        let v = session::sample(scene, &integrator, pixel, s, &mut statistics.counters);
         // The film's own rule: what is not finite or too large counts as zero.
         let valid = v.rgb.iter().all(|c| c.is_finite() && c.abs() <= LARGEST);
         let rgb = v.rgb.map(|c| c * d.film.imaging_ratio);

@@ -9,6 +9,7 @@ use moonmilk_core::random::mix;
 use moonmilk_core::stats::{sidak, z_test};
 use rayon::prelude::*;
 
+use crate::balls;
 use crate::integrator::{Counters, Integrator, Policy};
 use crate::scene::Scene;
 use crate::session;
@@ -59,14 +60,18 @@ pub fn audit(scene: &Scene, integrator: &Integrator, plain: &Scene, window: [u32
     let classic = seeded.clone().with_policy(Policy::Classic);
     let [x0, x1, y0, y1] = window;
     let [columns, rows] = [x1 - x0, y1 - y0].map(|n| n.div_ceil(BLOCK));
-    let blocks: Vec<([Accumulator; 2], u64)> = (0..columns * rows)
-        .into_par_iter()
-        .map(|b| {
-            let (mut sums, mut invalid) = ([Accumulator::default(); 2], 0);
+    let mut blocks = vec![([Accumulator::default(); 2], 0u64); (columns * rows) as usize];
+    let mut last = seeded;
+    // Go through sample numbers together: their banks serve all blocks.
+    for from in (0..samples).step_by(balls::GROUP as usize) {
+        last = last.with_balls(scene, from);
+        let seeded = &last;
+        blocks.par_iter_mut().enumerate().for_each(|(b, (sums, invalid))| {
+            let b = b as u32;
             let (x, y) = (x0 + b % columns * BLOCK, y0 + b / columns * BLOCK);
-            for s in 0..samples {
+            for s in from..samples.min(from + balls::GROUP) {
                 for pixel in (y..(y + BLOCK).min(y1)).flat_map(|y| (x..(x + BLOCK).min(x1)).map(move |x| [x, y])) {
-                    let [a, b] = [(scene, &seeded), (plain, &classic)].map(|(scene, by)| {
+                    let [a, b] = [(scene, seeded), (plain, &classic)].map(|(scene, by)| {
                         let rgb = session::sample(scene, by, pixel, s, &mut Counters::default()).rgb;
                         f64::from(rgb[0] + rgb[1] + rgb[2]) / 3.0
                     });
@@ -74,13 +79,12 @@ pub fn audit(scene: &Scene, integrator: &Integrator, plain: &Scene, window: [u32
                         sums[0].add(b);
                         sums[1].add(a - b);
                     } else {
-                        invalid += 1;
+                        *invalid += 1;
                     }
                 }
             }
-            (sums, invalid)
-        })
-        .collect();
+        });
+    }
     let mut sums = [Accumulator::default(); 2];
     let (mut worst, mut count) = (0.0f64, 0);
     for (block, _) in &blocks {

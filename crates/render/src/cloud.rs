@@ -75,7 +75,7 @@ pub(crate) struct Cloud {
 }
 
 /// Returns the sites of a scene: sets of bodies that a radial model renders and that no other body reaches into. What one line in 500 never meets has none.
-pub(crate) fn sites(scene: &Scene, pixels: f64) -> Vec<Site> {
+pub(crate) fn sites(scene: &Scene) -> Vec<Site> {
     let mut sets: Vec<(u32, Bounds)> = scene
         .objects
         .iter()
@@ -121,7 +121,7 @@ pub(crate) fn sites(scene: &Scene, pixels: f64) -> Vec<Site> {
     if all <= 0.0 {
         return vec![];
     }
-    let density = (PER_PIXEL * pixels).clamp(POINTS[0], POINTS[1]) / all;
+    let density = (PER_PIXEL * scene.pixels).clamp(POINTS[0], POINTS[1]) / all;
     for (site, area) in sites.iter_mut().zip(areas) {
         let lines = (density * disc(site)).min(LINES * density * area).ceil();
         site.lines = lines.min(f64::from(u32::MAX)) as u32;

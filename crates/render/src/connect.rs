@@ -17,7 +17,7 @@ use crate::nest::Nest;
 use crate::scene::{Object, Scene};
 use crate::snag::Snag;
 use crate::texture::TexturePoint;
-use crate::through::{Ahead, Start, Through};
+use crate::through::{self, Ahead, Start, Through};
 use crate::touch;
 use crate::window::Window;
 
@@ -301,6 +301,8 @@ pub(crate) struct InMedium<'a, 'b, const N: usize> {
     /// Splitting by importance, the copies of the walker still to be followed, and where their flights begin.
     pub window: Option<Window<'a>>,
     pub copies: Vec<(Walker<N>, Start)>,
+    /// Weight of lights without extent.
+    pub unseen: f32,
     /// Jumps through the core of the body.
     pub core: Option<Core<N>>,
 }
@@ -318,6 +320,28 @@ impl<const N: usize, P: PhaseFunction> Tally<N, Sampler, P> for InMedium<'_, '_,
     fn exit(&mut self, walker: &mut Walker<N>, medium: &Medium<N, P>, exit: &jump::Exit<N>, rng: &mut Sampler) {
         self.counters.jumps += 1;
         self.find_light(walker, medium, walker.beta, exit, rng);
+    }
+
+    #[inline]
+    fn search(&mut self, weight: f32) {
+        self.unseen = weight;
+    }
+
+    #[inline]
+    fn leapt(
+        &mut self,
+        walker: &mut Walker<N>,
+        medium: &Medium<N, P>,
+        _collisions: u32,
+        rng: &mut Sampler,
+    ) -> Option<u32> {
+        self.counters.jumps += 1;
+        if self.through.is_some() {
+            let depth = medium.sigma_t[0] * walker.room.max(self.interior.room_at(walker.p));
+            self.interior.set_start(through::landed(depth));
+        }
+        let window = self.window.as_ref()?;
+        Some(window.divide(walker, rng, self.counters))
     }
 
     #[inline]
@@ -425,7 +449,7 @@ impl<const N: usize> InMedium<'_, '_, N> {
             manifold.connect(
                 walker,
                 medium,
-                beta,
+                beta * self.unseen,
                 vertex,
                 room,
                 from,
@@ -476,6 +500,7 @@ impl<const N: usize> InMedium<'_, '_, N> {
         let passage =
             transmittance(self.scene, &from, sample.wi, sample.distance, self.wavelengths, rng, self.counters);
         if !passage.is_black() {
+            let beta = if sample.is_delta { beta * self.unseen } else { beta };
             self.light.add(walker.collisions, weighed(&sample, beta * value, walker.ratio * density, &passage));
         }
     }

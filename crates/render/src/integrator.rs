@@ -16,6 +16,7 @@ use moonmilk_core::{WavelengthMode, Wavelengths};
 use moonmilk_walk::hybrid::{self, Core};
 use moonmilk_walk::{Jumps, Medium, Outcome, Roulette, Walker, classic};
 
+use crate::balls::{self, Balls};
 use crate::cloud::Cloud;
 use crate::connect;
 use crate::interior::{Exit, Interior, Standing};
@@ -57,6 +58,8 @@ pub struct Integrator {
     pub policy: Policy,
     /// The light that enters bodies of a model, for one sample number; from [`Integrator::for_sample`], and never needed: without it a path finds it alone.
     cloud: Option<Arc<Cloud>>,
+    /// Banks of exits for the samples around one number; from [`Integrator::for_sample`], and never needed: without them walks go flight by flight.
+    balls: Option<Arc<Balls>>,
 }
 
 /// Radiance that a path collected, by number of collisions, and what it saw first.
@@ -194,19 +197,33 @@ pub(crate) struct Path<const N: usize> {
 impl Integrator {
     /// Returns the settings; all light is found by the paths themselves.
     pub fn new(seed: u64, wavelengths: WavelengthMode, roulette: Roulette, max_depth: Option<u32>) -> Self {
-        Self { seed, wavelengths, roulette, max_depth, policy: Policy::default(), cloud: None }
+        Self { seed, wavelengths, roulette, max_depth, policy: Policy::default(), cloud: None, balls: None }
     }
 
     /// Returns the settings with a policy of exact walks.
     pub fn with_policy(self, policy: Policy) -> Self {
-        Self { policy, ..self }
+        Self { policy, balls: None, ..self }
     }
 
-    /// Returns the integrator for one sample number of all pixels: with points on the bodies that a model renders, if that pays.
+    /// Returns the integrator for one sample number of all pixels: with points on the bodies that a model renders, if that pays, and banks of exits for jumps.
     ///
     /// A pure function of scene, settings and sample number; all threads take part in it.
     pub fn for_sample(&self, scene: &Scene, sample: u64) -> Self {
-        Self { cloud: Cloud::new(scene, self, sample).map(Arc::new), ..self.clone() }
+        Self { cloud: Cloud::new(scene, self, sample).map(Arc::new), ..self.with_balls(scene, sample) }
+    }
+
+    /// Returns whether [`Integrator::for_sample`] has anything to prepare.
+    pub(crate) fn prepares(&self, scene: &Scene) -> bool {
+        !scene.sites().is_empty() || !scene.wanted_balls(self.policy).is_empty()
+    }
+
+    /// Returns the integrator with the banks of one sample number, its own if they serve that, too.
+    pub(crate) fn with_balls(&self, scene: &Scene, sample: u64) -> Self {
+        let group = sample / balls::GROUP;
+        match &self.balls {
+            Some(b) if b.group == group => self.clone(),
+            _ => Self { balls: Balls::new(scene, self, group).map(Arc::new), ..self.clone() },
+        }
     }
 
     /// Returns the points' variate of the wavelengths, if there are points.
@@ -253,6 +270,13 @@ impl Integrator {
         // A profile counts as two collisions of the light.
         counters.collisions += u64::from(path.walker.collisions - start);
         counters.collisions -= 2 * (counters.probes - probes);
+    }
+
+    /// Returns the jumps of a medium: by tables where it scatters isotropically, else by its bank, if there is one.
+    fn jumps<const N: usize>(&self, scene: &Scene, medium: &Medium<N>) -> Option<Jumps<'_, N>> {
+        let searches = scene.lights.has_unseen();
+        let banked = || Jumps::from_bank(medium, self.balls.as_ref()?.bank(medium.g)?).map(|j| j.searching(searches));
+        Jumps::new(medium).or_else(banked)
     }
 
     /// Follows a path and all its copies to their ends.
@@ -354,14 +378,15 @@ impl Integrator {
             manifold,
             window,
             copies: Vec::new(),
+            unseen: 1.0,
             core: if scene.hybrid { Core::new(&medium, hybrid::DEPTH) } else { None },
         };
         let limits = classic::Limits { roulette: self.roulette, collisions: collisions.saturating_add(limit) };
         let jumps = match (self.policy, self.max_depth) {
             _ if scene.hybrid => None,
             (_, None) if scene.shifted => Jumps::shifted(&medium),
-            (Policy::Jump, None) => Jumps::new(&medium),
-            (Policy::Auto, None) => Jumps::new(&medium).filter(|j| j.pays(interior.depth())),
+            (Policy::Jump, None) => self.jumps(scene, &medium),
+            (Policy::Auto, None) => self.jumps(scene, &medium).filter(|j| j.pays(interior.depth())),
             _ => None,
         };
         let outcome = match scatterers {

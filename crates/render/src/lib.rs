@@ -5,6 +5,7 @@
 //! ([`session::sample`]).
 
 pub mod audit;
+mod balls;
 pub mod bsdf;
 mod bssrdf;
 pub mod camera;

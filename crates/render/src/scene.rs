@@ -13,12 +13,14 @@ use moonmilk_geometry::{Accel, Body, Bounds, Facing, Hit, Ray, Room, Surface};
 use moonmilk_optics::profile::Model;
 use moonmilk_walk::{Medium, Similar};
 
+use crate::balls::{self, Wanted};
 use crate::bsdf::boundary::near;
 use crate::bssrdf::Bank;
 use crate::camera::Camera;
 use crate::cloud::{self, Site};
 use crate::description::{FloatTextureId, MediumId, Place, SceneDescription, Warning};
 use crate::filter::Filter;
+use crate::integrator::Policy;
 use crate::lights::{self, Lights};
 use crate::material::Materials;
 use crate::media::{FieldAt, Matter, SceneMedium};
@@ -215,6 +217,10 @@ pub struct Scene {
     /// Places of lights without a surface, which no jump may pass over.
     pub(crate) light_points: Vec<Vec3>,
     scatterers: Vec<Similar>,
+    /// Pixels of the whole picture.
+    pub(crate) pixels: f64,
+    /// Laws of scattering with banks, per policy.
+    wanted_balls: [OnceLock<Vec<Wanted>>; Policy::ALL.len()],
 }
 
 impl Scene {
@@ -278,8 +284,10 @@ impl Scene {
             measures,
             light_points: points,
             scatterers,
+            pixels: f64::from(d.film.width) * f64::from(d.film.height),
+            wanted_balls: Default::default(),
         };
-        scene.sites = cloud::sites(&scene, f64::from(d.film.width) * f64::from(d.film.height));
+        scene.sites = cloud::sites(&scene);
         let eye = scene.camera.origin();
         scene.eye = (eye, scene.free_radius(eye), scene.nest_at(eye));
         Ok((scene, warnings))
@@ -289,6 +297,11 @@ impl Scene {
     #[inline]
     pub(crate) fn bank(&self, object: &Object) -> Option<&Bank> {
         object.bank.map(|i| &self.banks[i as usize])
+    }
+
+    /// Returns the laws of scattering for which walks by a policy want banks of exits, found at first use.
+    pub(crate) fn wanted_balls(&self, policy: Policy) -> &[Wanted] {
+        self.wanted_balls[policy as usize].get_or_init(|| balls::wanted(self, policy))
     }
 
     /// Returns the bodies of a model on which points are placed.

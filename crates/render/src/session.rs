@@ -62,17 +62,21 @@ pub fn render(
     progress: &AtomicU64,
 ) -> Statistics {
     let mut statistics = Statistics::default();
+    let prepares = integrator.prepares(scene);
+    let mut last = integrator.clone();
     // Go through sample numbers together: what is made once for each serves all tiles.
     loop {
         let from = film.first + film.samples();
         if from >= end || stop.load(Ordering::Relaxed) {
             return statistics;
         }
-        let to = if scene.sites().is_empty() { end } else { end.min((from / CHUNK + 1) * CHUNK) };
-        let prepared: Vec<Integrator> = match scene.sites() {
-            [] => vec![integrator.clone()],
-            _ => (from..to).map(|s| integrator.for_sample(scene, s)).collect(),
+        let to = if prepares { end.min((from / CHUNK + 1) * CHUNK) } else { end };
+        let mut prepare = |s: u64| {
+            last = last.for_sample(scene, s);
+            last.clone()
         };
+        let prepared: Vec<Integrator> =
+            if prepares { (from..to).map(&mut prepare).collect() } else { vec![integrator.clone()] };
         for (counters, invalid) in prepared.iter().filter_map(Integrator::preparation) {
             statistics.counters.merge(counters);
             statistics.invalid += invalid;

@@ -92,12 +92,17 @@ pub(crate) struct Near {
 /// Where a flight began.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Start {
-    /// At a wall, or where the walk began.
+    /// At a wall, where the walk began, or where a jump led near the surface.
     Wall,
-    /// At a collision too deep for connections.
+    /// At a collision too deep for connections, or where a jump led as deep.
     Deep,
     /// At a collision near the surface.
     Near(Near),
+}
+
+/// Returns where a flight begins that a jump led to, at a depth [mean free paths of the hero]: nothing was looked for there, so that what it meets counts in full.
+pub(crate) fn landed(depth: f32) -> Start {
+    if depth <= LOOK_DEPTH { Start::Wall } else { Start::Deep }
 }
 
 /// The boundary ahead of a flight.

@@ -116,9 +116,11 @@ impl<'a> Window<'a> {
 
     /// Returns how many copies go on from a collision that the walker arrived at along its direction, and weighs it as one of them.
     pub fn copies<const N: usize>(&self, walker: &mut Walker<N>, rng: &mut Sampler, counters: &mut Counters) -> u32 {
-        if !walker.collisions.is_multiple_of(self.period) {
-            return 1;
-        }
+        if walker.collisions.is_multiple_of(self.period) { self.divide(walker, rng, counters) } else { 1 }
+    }
+
+    /// Returns how many copies go on from where the walker is, whatever its number of collisions, and weighs it as one of them.
+    pub fn divide<const N: usize>(&self, walker: &mut Walker<N>, rng: &mut Sampler, counters: &mut Counters) -> u32 {
         let importance = self.importance(walker.p, walker.d, walker.room, counters);
         // The mean of the lanes: the largest alone, when they have parted, would ask for as many copies as there are lanes.
         let copies = (importance * walker.beta.mean() * walker.eta_scale).min(MOST);

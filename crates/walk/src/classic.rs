@@ -97,7 +97,7 @@ where
 pub fn walk_with<const N: usize, P, D, T, R>(
     domain: &D,
     medium: &Medium<N, P>,
-    jumps: Option<&Jumps<N>>,
+    jumps: Option<&Jumps<'_, N>>,
     limits: &Limits,
     walker: &mut Walker<N>,
     tally: &mut T,
@@ -112,6 +112,8 @@ where
     let mean_free_path = 1.0 / medium.sigma_t[0];
     let connects = tally.connects();
     let mut on_wall = domain.first();
+    // The ball that is walked through for the sake of lights without extent.
+    let mut searched: Option<(Vec3, f32)> = None;
     loop {
         // Draw the free flight of the hero lane.
         let t = math::exponential(rng.uniform()) * mean_free_path;
@@ -159,10 +161,52 @@ where
             walker.room = (walker.room - t).max(0.0);
         }
         on_wall = domain.start();
-        let arrived = walker.collide(medium, t);
+        let mut arrived = walker.collide(medium, t);
         walker.collisions += 1;
         if connects || jumps.is_some() {
             walker.room = domain.room(walker.p);
+        }
+
+        // Leave a ball of simulated exits, where there is room for one, before anything is done here: what would be looked for is left to chance.
+        if let Some((center, radius)) = searched
+            && walker.p.distance_squared(center) > radius * radius
+        {
+            searched = None;
+            tally.search(1.0);
+        }
+        if let Some(jumps) = jumps
+            && let Some(bank) = jumps.bank()
+            && searched.is_none()
+            && let Some((center, room, clear)) = ball(domain, jumps, walker)
+            && let Some((level, radius)) = jumps.level(bank, clear)
+        {
+            walker.beta = arrived;
+            jumps.part(walker);
+            arrived = walker.beta;
+            if jumps.searched() > 0.0 && rng.uniform() < jumps.searched() {
+                searched = Some((center, radius));
+                tally.search(1.0 / jumps.searched());
+            } else {
+                let from = walker.p;
+                walker.beta = arrived * medium.sigma_s;
+                let (n, lost) = jumps.leap(bank, walker, level, (center, radius), rng);
+                if let Some(emission) = medium.emission {
+                    tally.emission(walker, (arrived * medium.sigma_a + lost) * emission);
+                }
+                walker.room = (room - radius).max(0.0);
+                walker.direction_pdf = None;
+                walker.scatter_point = from;
+                walker.collisions += n.min(1);
+                match tally.leapt(walker, medium, n, rng) {
+                    Some(0) => return Outcome::Ended,
+                    Some(copies) => (1..copies).for_each(|_| tally.copy(walker)),
+                    None => match limits.roulette.play(walker.beta.max_value() * walker.eta_scale, rng) {
+                        Some(factor) => walker.beta *= factor,
+                        None => return Outcome::Ended,
+                    },
+                }
+                continue;
+            }
         }
         let jump = tally.jump(walker, rng);
         walker.beta = arrived * medium.sigma_s;
@@ -172,7 +216,7 @@ where
         }
 
         // End walks that carry little, or split those that may find much, keeping the mean.
-        let copies = if jump.is_none() { tally.copies(walker, rng) } else { None };
+        let copies = if jump.is_none() && searched.is_none() { tally.copies(walker, rng) } else { None };
         match copies {
             Some(0) => return Outcome::Ended,
             Some(_) => {}
@@ -193,7 +237,9 @@ where
 
         // Leave a ball around the collision at once.
         if let Some(jumps) = jumps
-            && let Some((center, room, radius)) = ball(domain, jumps, walker)
+            && jumps.bank().is_none()
+            && let Some((center, room, clear)) = ball(domain, jumps, walker)
+            && let Some(radius) = jumps.radius(clear)
         {
             on_wall = domain.start();
             walker.room = room - radius;
@@ -219,7 +265,10 @@ where
             }
             walker.collisions += 1;
             tally.exit(walker, medium, &exit, rng);
-            let pdf = exit.leave(walker, rng);
+            let (pdf, lost) = exit.leave(walker, rng);
+            if let Some(emission) = medium.emission {
+                tally.emission(walker, lost * emission);
+            }
             tally.jumped(walker, medium, exit.collisions(walker.d));
             walker.direction_pdf = connects.then_some(pdf);
             walker.scatter_point = walker.p;
@@ -251,9 +300,13 @@ where
     }
 }
 
-/// Returns centre, free room around it and radius of the ball that a jump from a collision leaves, if there is one.
+/// Returns the centre of the ball that a jump from a collision may leave, the free room around it, and the radius that is clear of all else around the jumps' point of reference, if that is enough.
 #[inline]
-fn ball<const N: usize, D: Domain<N>>(domain: &D, jumps: &Jumps<N>, walker: &Walker<N>) -> Option<(Vec3, f32, f32)> {
+fn ball<const N: usize, D: Domain<N>>(
+    domain: &D,
+    jumps: &Jumps<'_, N>,
+    walker: &Walker<N>,
+) -> Option<(Vec3, f32, f32)> {
     let [least, most] = jumps.range();
     let (center, room) = match jumps.shift() {
         None => (walker.p, walker.room),
@@ -263,8 +316,13 @@ fn ball<const N: usize, D: Domain<N>>(domain: &D, jumps: &Jumps<N>, walker: &Wal
             (center, if domain.is_outside(center) { 0.0 } else { domain.room(center) })
         }
     };
-    let clear = domain.clear(center, room, least, most);
-    jumps.radius(clear).map(|radius| (center, room.max(clear), radius))
+    let (clear, room) = if jumps.is_common() {
+        let clear = domain.clear(center, room, least, most);
+        (clear, room.max(clear))
+    } else {
+        (domain.clear(walker.p, walker.room, least, most), room)
+    };
+    (clear >= least).then_some((center, room, clear))
 }
 
 /// Most lookups that a flight may spend on proving itself free of walls; a wall query costs about as much as thirty.

@@ -49,7 +49,18 @@ pub trait Tally<const N: usize, R: Random, P = HenyeyGreenstein> {
     #[inline]
     fn jumped(&mut self, _walker: &Walker<N>, _medium: &Medium<N, P>, _collisions: f32) {}
 
-    /// Called in fields at each tentative collision with what is emitted towards the start of the path; `radiance` has its weight.
+    /// Called where lights that chance cannot meet begin to count with a weight, as only a share of the walks look for them from here.
+    #[inline]
+    fn search(&mut self, _weight: f32) {}
+
+    /// Called after a jump by a bank with the number of collisions besides the one where it began; the walker flies on from where it led. Returns what [`Tally::copies`] does.
+    #[inline]
+    fn leapt(&mut self, walker: &mut Walker<N>, medium: &Medium<N, P>, collisions: u32, _rng: &mut R) -> Option<u32> {
+        self.jumped(walker, medium, collisions as f32);
+        None
+    }
+
+    /// Called in fields at each tentative collision, and for what a jump passed over, with what is emitted towards the start of the path; `radiance` has its weight.
     #[inline]
     fn emission(&mut self, _walker: &Walker<N>, _radiance: Spectrum<N>) {}
 

@@ -26,6 +26,8 @@ pub struct Walker<const N: usize> {
     pub eta_scale: f32,
     /// Lower bound of the distance from `p` to any wall; 0 if unknown \[length\].
     pub room: f32,
+    /// From where on this path takes the records of banks ([`crate::jump::Bank`]); `None` before it took any.
+    pub deal: Option<u32>,
 }
 
 impl<const N: usize> Walker<N> {
@@ -41,6 +43,7 @@ impl<const N: usize> Walker<N> {
             collisions: 0,
             eta_scale: 1.0,
             room: 0.0,
+            deal: None,
         }
     }
 

@@ -9,6 +9,7 @@ use moonmilk_core::estimate::Accumulator;
 use moonmilk_core::{Estimate, Random, Spectrum, Stream, Vec3};
 use moonmilk_walk::domain::ball::Ball;
 use moonmilk_walk::domain::planar::{Face, Slab};
+use moonmilk_walk::jump::Bank;
 use moonmilk_walk::phase::{HenyeyGreenstein, Isotropic};
 use moonmilk_walk::{
     Domain, Jumps, Medium, NoTally, Outcome, PathLength, PhaseFunction, Roulette, Stack, Walker, Wall, walk,
@@ -110,6 +111,41 @@ fn mean_path_length_by_jumps_is_that_of_flights_at_any_density() {
             events as f64 / n as f64
         );
         assert!(e.z(exact).abs() < Z, "eta {eta}, sigma_s {sigma_s} by jumps: {e} against {exact}");
+    }
+}
+
+#[test]
+fn mean_path_length_by_simulated_exits_is_that_of_flights() {
+    // Banks of as many records as there are jumps, so that errors are those of independent paths.
+    for (eta, sigma_s, g) in [(1.0f32, 40.0f32, 0.5f32), (1.33, 150.0, 0.9), (1.5, 25.0, -0.6)] {
+        let (ball, medium) = (Ball { radius: 1.0, eta }, gray(0.0, sigma_s, g));
+        let (n, banks) = (40_000 * slow(), 32 * slow());
+        let all: Vec<Bank> = (0..banks).map(|k| Bank::new(&HenyeyGreenstein { g }, k, 2048, sigma_s)).collect();
+        let (mut sum, mut events) = (Accumulator::default(), 0u64);
+        for i in 0..n {
+            let jumps = Jumps::from_bank(&medium, &all[(i % banks) as usize]).unwrap();
+            let mut rng = Stream::new(&[13, i]);
+            let d = cosine_distributed(&mut rng);
+            let mut length = PathLength::default();
+            if let Some(d) = enter(d, Vec3::Z, eta, &mut rng) {
+                let mut w = Walker::new(Vec3::Z, d);
+                let limits = Roulette::default().into();
+                let out = walk_with(&ball, &medium, Some(&jumps), &limits, &mut w, &mut length, &mut rng);
+                assert!(matches!(out, Outcome::Left(())), "{out:?}");
+                assert_eq!(w.beta[0], 1.0, "a conservative walk keeps its weight");
+                events += u64::from(w.collisions);
+            }
+            sum.add(length.0);
+        }
+        let (e, exact) = (sum.estimate(), f64::from(eta * eta) * 4.0 / 3.0);
+        let collisions = exact * f64::from(sigma_s);
+        println!(
+            "{eta} {sigma_s} {g}: {e}, exact {exact:.5}, z {:+.2}, {:.1} events",
+            e.z(exact),
+            events as f64 / n as f64
+        );
+        assert!((events as f64 / n as f64) < 0.7 * collisions, "{events} events");
+        assert!(e.z(exact).abs() < Z, "eta {eta}, sigma_s {sigma_s}, g {g}: {e} against {exact}");
     }
 }
 

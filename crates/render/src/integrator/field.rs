@@ -42,6 +42,7 @@ impl Integrator {
             manifold: None,
             window: None,
             copies: Vec::new(),
+            unseen: 1.0,
             core: None,
         };
         let limits = classic::Limits { roulette: self.roulette, collisions: collisions.saturating_add(limit) };

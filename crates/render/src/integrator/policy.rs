@@ -1,13 +1,13 @@
 //! The policies of exact walks.
 
-use crate::description::{MaterialDescription, MaterialKind, MediumDescription, MediumKind, SceneDescription};
+use crate::description::{MediumKind, SceneDescription};
 
 /// How exact walks are sampled; the expectation is the same for all.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Policy {
     /// Flight by flight.
     Classic,
-    /// Over balls of isotropic scatterers at once ([`moonmilk_walk::jump`]).
+    /// Over balls of collisions at once ([`moonmilk_walk::jump`]).
     Jump,
     /// Chosen per medium and body: jumps where scattering is isotropic and the body thick, walks split by importance where it is forward, else flights.
     #[default]
@@ -27,13 +27,8 @@ impl Policy {
         }
     }
 
-    /// Returns how many media and materials of a scene [`Policy::Jump`] walks through flight by flight all the same: those that do not scatter isotropically, that emit, or that vary in space.
+    /// Returns how many media of a scene [`Policy::Jump`] walks through flight by flight all the same: those that vary in space.
     pub fn flown(d: &SceneDescription) -> usize {
-        let medium = |m: &&MediumDescription| match m.kind {
-            MediumKind::Homogeneous { g, .. } => g != 0.0 || m.kind.emits(),
-            _ => true,
-        };
-        let material = |m: &&MaterialDescription| matches!(m.kind, MaterialKind::Subsurface { g, .. } if g != 0.0);
-        d.media.iter().filter(medium).count() + d.materials.iter().filter(material).count()
+        d.media.iter().filter(|m| !matches!(m.kind, MediumKind::Homogeneous { .. })).count()
     }
 }

@@ -343,12 +343,21 @@ pub struct Tracer {
     pub scene: Scene,
     pub integrator: Integrator,
     counters: Mutex<Counters>,
+    /// Integrators with banks of their own, if asked for.
+    banks: Vec<Integrator>,
 }
 
 impl Tracer {
     pub fn new(scene: Scene) -> Self {
         let integrator = Integrator::new(1, WavelengthMode::MONO, Default::default(), None);
-        Self { scene, integrator, counters: Mutex::default() }
+        Self { scene, integrator, counters: Mutex::default(), banks: vec![] }
+    }
+
+    /// The same with so many banks of exits, of which path i takes number i: where as many records as paths take errors are those of independent samples.
+    pub fn with_banks(mut self, count: u64) -> Self {
+        // Banks serve four samples.
+        self.banks = (0..count).map(|k| self.integrator.for_sample(&self.scene, 4 * k)).collect();
+        self
     }
 
     /// The same scene by a policy of exact walks, with random numbers of its own.
@@ -358,9 +367,16 @@ impl Tracer {
         self
     }
 
+    /// Lets weights become as small as they like.
+    pub fn keep_all(&mut self) {
+        self.integrator.roulette = KEEP_ALL;
+        self.banks.iter_mut().for_each(|b| b.roulette = KEEP_ALL);
+    }
+
     /// Returns what path number i finds from a point in a direction, and what it did.
     pub fn follow<const N: usize>(&self, i: u64, o: Vec3, d: Vec3, w: &Wavelengths<N>) -> (Light<N>, Counters) {
-        self.follow_by(&self.integrator, i, o, d, w)
+        let banked = self.banks.get(i as usize % self.banks.len().max(1));
+        self.follow_by(banked.unwrap_or(&self.integrator), i, o, d, w)
     }
 
     /// The same by another integrator.

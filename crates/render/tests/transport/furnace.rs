@@ -17,7 +17,7 @@ pub const ROUNDING: f64 = 1e-5;
 
 /// Asserts that every single path finds radiance 1, roulette apart.
 pub fn assert_white(what: &str, mut tracer: Tracer, reach: f32, n: u64) {
-    tracer.integrator.roulette = KEEP_ALL;
+    tracer.keep_all();
     let [off] = measure(n, |i| {
         let (o, d) = uniform_ray(21, i, reach);
         let l = tracer.radiance(i, o, d);

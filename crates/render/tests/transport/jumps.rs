@@ -67,10 +67,10 @@ fn thick_slabs_by_jumps_transmit_what_the_exact_solution_says() {
     }
 }
 
-/// Compares both policies through a window around a target.
+/// Compares both policies through a window around a target; where scattering is not isotropic, jumps take exits from banks of as many records.
 fn assert_same(what: &str, make: impl Fn() -> Tracer, eye: Vec3, target: Vec3, window: f32, n: u64) {
     let [classic, jump] = [Policy::Classic, Policy::Jump].map(|policy| {
-        let tracer = make().by(policy);
+        let tracer = make().by(policy).with_banks(samples(32, 12));
         let [l] = measure(samples(n, 12), |i| {
             let mut rng = Stream::new(&[91, i, policy as u64]);
             let [x, y, z] = [rng.uniform(), rng.uniform(), rng.uniform()].map(|u| (2.0 * u - 1.0) * window);
@@ -231,5 +231,137 @@ fn shifted_jumps_are_close_to_exact_walks() {
     for (body, tau, g, eta) in [(Body::smooth(), 200.0, 0.9, 1.33), (Body::ball(), 60.0, 0.5, 1.5)] {
         let tracer = body.world(tau, g, eta).environment(1.0).shifted();
         assert_white(&format!("{} by shifted jumps", body.name), tracer, body.reach, samples(3_000, 4));
+    }
+}
+
+/// Makes the picture so large that banks have the most records.
+fn large(mut world: World) -> World {
+    (world.0.film.width, world.0.film.height) = (512, 512);
+    world
+}
+
+#[test]
+fn every_single_path_finds_white_by_simulated_exits() {
+    for body in Body::all() {
+        for (tau, g, eta) in [(100.0, 0.9, 1.33), (30.0, 0.5, 1.5), (1000.0, 0.98, 1.33), (40.0, -0.9, 1.2)] {
+            let tracer = body.world(tau, g, eta).environment(1.0).tracer().by(Policy::Jump).with_banks(4);
+            let what = format!("{} by simulated exits, {tau} mean free paths, g {g}, eta {eta}", body.name);
+            assert_white(&what, tracer, body.reach, samples(3000, 4));
+        }
+    }
+}
+
+#[test]
+fn half_spaces_by_simulated_exits_reflect_what_the_exact_solution_says() {
+    // Slow: .1 %.
+    for (g, eta, alpha_prime, n) in [
+        (0.9f32, 1.33f32, 0.99f32, 60_000),
+        (0.5, 1.0, 0.9, 60_000),
+        (0.8, 1.5, 0.999, 30_000),
+        (-0.5, 1.0, 0.95, 60_000),
+    ] {
+        let scattering = alpha_prime / (1.0 - g);
+        let world = large(layer(300.0, 1.0 - alpha_prime, scattering, g, eta).environment(1.0));
+        let tracer = world.tracer().by(Policy::Jump).with_banks(samples(32, 20));
+        let [e] = measure(samples(n, 20), |i| [look(&tracer, i, 1.0)]);
+        assert!(tracer.assert_sound().jumps > n / 8);
+        let alpha = f64::from(scattering / (1.0 - alpha_prime + scattering));
+        let exact =
+            Anisotropic::new(f64::from(g), f64::from(eta), Illumination::Normal).unwrap().albedo(alpha).unwrap();
+        let f = moonmilk_optics::fresnel::reflectance_f64(1.0, f64::from(eta));
+        assert_exact(&format!("half-space, g {g} {eta} {alpha_prime}"), e, f + (1.0 - f) * exact, 1e-5);
+    }
+}
+
+#[test]
+fn lamps_shine_through_boundaries_by_simulated_exits_as_by_flights() {
+    // Connections at collisions near walls, looks and chance from exits. Slow: .15 to .3 %.
+    for (eta, roughness, sigma_s, g) in
+        [(1.4f32, 0.0f32, 60.0f32, 0.9f32), (1.4, 0.0, 20.0, 0.5), (1.0, 0.0, 60.0, 0.8), (1.5, 0.2, 40.0, 0.7)]
+    {
+        let make = || {
+            let mut world = World::new();
+            let milk = world.medium(0.05, sigma_s, g);
+            let boundary = world.dielectric(eta, roughness);
+            world.body(&smooth(&bumpy_sphere(2, 0.2)), boundary, Some(milk), None);
+            let floor = world.diffuse(0.5);
+            world.surface(&rectangle(Vec3::Z * -1.3, Vec3::X * 3.0, Vec3::Y * 3.0), floor);
+            large(lamp_overhead(world, true)).tracer()
+        };
+        let what = format!("milk under a lamp, {eta} {roughness} {sigma_s} g {g}");
+        assert_same(&what, make, EYE, Vec3::ZERO, 0.5, 60_000);
+    }
+}
+
+#[test]
+fn lights_without_extent_are_found_from_within_balls() {
+    // A sun and a point, inside and outside, which no chance meets: a share of the balls is walked through for them.
+    for (eta, from) in
+        [(1.3f32, Vec3::new(0.4, 0.8, 2.0)), (1.0, Vec3::new(0.4, 0.8, 2.0)), (1.0, Vec3::new(0.1, 0.0, 0.2))]
+    {
+        let make = || {
+            let mut world = World::new();
+            let milk = world.medium(0.05, 40.0, 0.7);
+            let boundary = world.dielectric(eta, 0.0);
+            world.body(&ball(1.0), boundary, Some(milk), None);
+            let intensity = SpectrumDescription::Constant(1.0);
+            world.light(LightKind::Point { intensity, from });
+            large(world).tracer()
+        };
+        assert_same(&format!("point at {from}, eta {eta}, g .7"), make, EYE, Vec3::ZERO, 0.7, 60_000);
+    }
+}
+
+#[test]
+fn glowing_media_keep_white_by_jumps() {
+    // A medium in equilibrium with the light around it: what it absorbs it emits, over balls as well.
+    for (g, sigma_s) in [(0.0f32, 30.0f32), (0.8, 100.0), (-0.4, 30.0)] {
+        let mut world = World::new();
+        let medium = world.glow(0.3, sigma_s, g, 1.0);
+        let boundary = world.dielectric(1.0, 0.0);
+        world.body(&ball(1.0), boundary, Some(medium), None);
+        let tracer = large(world.environment(1.0)).tracer().by(Policy::Jump).with_banks(samples(8, 8));
+        let [e] = measure(samples(60_000, 8), |i| {
+            let (o, d) = uniform_ray(95, i, 1.2);
+            [tracer.radiance(i, o, d)]
+        });
+        assert!(tracer.assert_sound().jumps > 0);
+        assert_exact(&format!("glow of g {g}"), e, 1.0, 0.0);
+    }
+}
+
+#[test]
+fn lanes_of_different_extinction_leap_without_bias() {
+    // As for tables, where the hero goes on alone. Slow: .2 %.
+    let (sigma_a, sigma_s) = ([0.3f32, 0.02, 1.0], [60.0f32, 80.0, 140.0]);
+    let world = |a: SpectrumDescription, s: SpectrumDescription| {
+        let mut world = World::new();
+        let medium =
+            world.medium_of(MediumKind::Homogeneous { sigma_a: a, sigma_s: s, scale: 1.0, g: 0.8, emission: None });
+        let glass = world.dielectric(1.4, 0.0);
+        world.body(&smooth(&bumpy_sphere(2, 0.2)), glass, Some(medium), None);
+        let fog = world.dielectric(1.0, 0.0);
+        let shape = world.body(&ball(0.7), fog, Some(medium), None);
+        world.0.shapes[shape].object_to_world = Mat4::from_translation(Vec3::X * 2.0);
+        large(lamp_overhead(world, true).environment(0.3))
+    };
+    let colours = world(SpectrumDescription::Rgb(sigma_a), SpectrumDescription::Rgb(sigma_s));
+    let together = colours.tracer().by(Policy::Jump).with_banks(samples(32, 12));
+    let n = samples(120_000, 12);
+    let sum = |l: [Spectrum<3>; 3]| l.iter().fold(Spectrum::ZERO, |a, l| a + *l);
+    let lanes = measure(n, |i| {
+        let (o, d) = uniform_ray(96, i, 2.8);
+        let w = Wavelengths::<3>::sample(WavelengthMode::Rgb, Stream::new(&[97, i]).uniform());
+        w.to_rgb(sum(together.follow(i, o, d, &w).0.orders)).map(f64::from)
+    });
+    assert!(together.assert_sound().jumps > 1000);
+    for c in 0..3 {
+        let [a, s] = [sigma_a[c], sigma_s[c]].map(SpectrumDescription::Constant);
+        let alone = world(a, s).tracer().by(Policy::Classic);
+        let [e] = measure(n / 2, |i| {
+            let (o, d) = uniform_ray(98, i, 2.8);
+            [alone.radiance(i, o, d)]
+        });
+        assert_equal(&format!("lane {c} by simulated exits"), lanes[c], e);
     }
 }
