@@ -22,7 +22,7 @@ use crate::lights::Target;
 use crate::scene::{Boundary, Scene};
 
 /// Asymmetry from which walks are split.
-const FORWARD: f32 = 0.6;
+pub(crate) const FORWARD: f32 = 0.6;
 /// Importance right at a wall that faces the light, flying towards it.
 ///
 /// Reference milk, 0, 32, 64 (a .7): variance per sample 6.8, 1.49, 1.01 at .66, 1.82, 2.60 CPU s per sample of the picture.

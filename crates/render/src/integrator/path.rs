@@ -6,9 +6,11 @@ use moonmilk_walk::Walker;
 
 use super::{Counters, Path};
 use crate::interior::Standing;
+use crate::media::Matter;
 use crate::scene::{Object, Scene};
 use crate::texture::TexturePoint;
 use crate::through::Start;
+use crate::window;
 
 impl<const N: usize> Path<N> {
     /// Returns the path of a copy of its walker that flies on from a collision in the medium, of a walk that began with a number of collisions.
@@ -27,6 +29,16 @@ impl<const N: usize> Path<N> {
             escape: None,
             start: Some(start),
             copies: Vec::new(),
+        }
+    }
+
+    /// Follows two walks from the camera's first boundary into a medium, of half the weight each: most of the noise is the walk's own, most of the rest of a sample's cost not. Where scattering
+    /// is forward walks are split by importance instead.
+    pub(super) fn double(&mut self) {
+        if matches!(&self.medium, Some(Matter::Homogeneous(m)) if !m.sigma_s.is_black() && m.g < window::FORWARD) {
+            self.walker.beta *= 0.5;
+            let other = Self { copies: Vec::new(), ..self.clone() };
+            self.copies.push(other);
         }
     }
 

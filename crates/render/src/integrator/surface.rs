@@ -4,7 +4,7 @@ use moonmilk_core::{Frame, Random, Sampler, Spectrum, Wavelengths};
 use moonmilk_geometry::{Hit, Surface};
 use moonmilk_walk::{Medium, Walker};
 
-use super::{Counters, Integrator, Light, Path, SURE_BOUNCES, balance};
+use super::{Counters, Integrator, Light, Path, Policy, SURE_BOUNCES, balance};
 use crate::bsdf::boundary::branches;
 use crate::bsdf::{Bsdf, Crossing, Kind, Shaded};
 use crate::bssrdf::{Arriving, Bank, Exit, Slant};
@@ -125,7 +125,8 @@ impl Integrator {
         if let Boundary::Smooth { eta } = object.boundary {
             let eta = eta / outer;
             let surface = &Surface { ns: scene.boundary_normal(object, surface), ..*surface };
-            let outcome = if std::mem::take(&mut path.whole) {
+            let first = std::mem::take(&mut path.whole);
+            let outcome = if first {
                 self.split(scene, path, hit, surface, eta, wavelengths, rng, light, counters)
             } else {
                 crate::bsdf::cross(wo, surface.ng, surface.ns, eta, rng)
@@ -141,6 +142,9 @@ impl Integrator {
                 Crossing::Transmitted(d) => {
                     path.turn(d, None);
                     path.transmit(scene, object, hit, &point, wo.dot(surface.ng) <= 0.0, eta, wavelengths, counters);
+                    if first && self.policy == Policy::Auto && self.max_depth.is_none() {
+                        path.double();
+                    }
                 }
             }
             return self.survives(path, rng);
