@@ -4,6 +4,7 @@
   python3 benches/growth.py                 table on standard output (about fifteen minutes)
   python3 benches/growth.py --quick         three albedos of five
   python3 benches/growth.py --write         also writes docs/growth.svg
+  python3 benches/growth.py --g 0.9         where scattering is forward: exits of balls are simulated for every four samples, which is part of the time
 
 A ball, a slab and the dragon (skipped without ../shared) under uniform light, optical thickness sigma_t 4 V / S of 10 to 10 000, albedo of scattering .9 to .99999.
 Time is CPU time per path that enters, on one thread: the difference of two runs, so that reading, building and tables are left out. What is asked for:
@@ -23,7 +24,7 @@ SLAB = ('Shape "trianglemesh" "point3 P" [-50 -50 -.5 50 -50 -.5 50 50 -.5 -50 5
         '"integer indices" [0 2 1 0 3 2 4 5 6 4 6 7 0 1 5 0 5 4 1 2 6 1 6 5 2 3 7 2 7 6 3 0 4 3 4 7]')
 
 
-def scene(shape, eye, half, sigma_t, albedo, eta):
+def scene(shape, eye, half, sigma_t, albedo, eta, g=0):
     sigma_s, sigma_a = sigma_t * albedo, sigma_t * (1 - albedo)
     boundary = f'Material "dielectric" "float eta" [{eta}]' if eta != 1 else 'Material "interface"'
     return f'''LookAt {eye} 0 0 0 0 1 0
@@ -33,7 +34,7 @@ Sampler "independent" "integer pixelsamples" [1]
 Integrator "volpath" "integer maxdepth" [100000]
 WorldBegin
 LightSource "infinite" "rgb L" [1 1 1]
-MakeNamedMedium "m" "string type" "homogeneous" "rgb sigma_a" [{sigma_a} {sigma_a} {sigma_a}] "rgb sigma_s" [{sigma_s} {sigma_s} {sigma_s}]
+MakeNamedMedium "m" "string type" "homogeneous" "rgb sigma_a" [{sigma_a} {sigma_a} {sigma_a}] "rgb sigma_s" [{sigma_s} {sigma_s} {sigma_s}] "float g" [{g}]
 AttributeBegin
 MediumInterface "m" ""
 {boundary}
@@ -109,6 +110,7 @@ def main():
     a.add_argument("--quick", action="store_true")
     a.add_argument("--write", action="store_true")
     a.add_argument("--eta", type=float, default=1.0)
+    a.add_argument("--g", type=float, default=0.0)
     a = a.parse_args()
     rows, worst = [], (0, "")
     albedos = [0.9, 0.999, 0.99999] if a.quick else ALBEDOS
@@ -127,7 +129,7 @@ def main():
                 previous, plain = None, 0.0
                 for tau in THICKNESSES:
                     path = os.path.join(folder, "g.pbrt")
-                    open(path, "w").write(scene(shape, eye, half, tau / chords, albedo, a.eta))
+                    open(path, "w").write(scene(shape, eye, half, tau / chords, albedo, a.eta, a.g))
                     jump = cost(path, "jump", 2.0)
                     rows.append((name, tau, albedo, "jump", jump[0]))
                     text = "| |"

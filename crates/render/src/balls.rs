@@ -1,4 +1,4 @@
-//! Balls of media that do not scatter isotropically, for a few samples of all pixels: banks of simulated exits ([`moonmilk_walk::jump::Bank`]).
+//! Balls of media that do not scatter isotropically, or that emit, for a few samples of all pixels: banks of simulated exits ([`moonmilk_walk::jump::Bank`]).
 //!
 //! Each group of [`GROUP`] sample numbers has banks of its own, a pure function of scene, seed and group. All pixels share them: so the errors of one group are correlated, as those of
 //! [`crate::cloud`] are, by what the luck of some thousand records makes; the mean over groups is free of bias.
@@ -55,7 +55,7 @@ pub(crate) fn wanted(scene: &Scene, policy: Policy) -> Vec<Wanted> {
         }
         let at = TexturePoint { p: o.common.center(), n: Vec3::Z, uv: Vec2::ZERO };
         let Some(Matter::Homogeneous(medium)) = scene.medium_inside(o, &at, &wavelengths, None) else { continue };
-        if medium.g == 0.0 || medium.sigma_s.is_black() {
+        if medium.g == 0.0 && medium.emission.is_none() || medium.sigma_s.is_black() {
             continue;
         }
         let depth = scene.room(i as u32).depth();

@@ -265,10 +265,7 @@ where
             }
             walker.collisions += 1;
             tally.exit(walker, medium, &exit, rng);
-            let (pdf, lost) = exit.leave(walker, rng);
-            if let Some(emission) = medium.emission {
-                tally.emission(walker, lost * emission);
-            }
+            let pdf = exit.leave(walker, rng);
             tally.jumped(walker, medium, exit.collisions(walker.d));
             walker.direction_pdf = connects.then_some(pdf);
             walker.scatter_point = walker.p;

@@ -10,7 +10,8 @@
 //! *Colour*: lanes of different extinction share the ball. The density of lane j is exp(-tau_j) for no collision, else (1 - exp(-tau_j)) p(mu | tau_j); its value has the weight of its
 //! albedo besides. p hardly depends on tau, so that the lanes' densities stay close for many jumps, where flights part after some dozens.
 //!
-//! *Emission*: of the weight beta that enters a ball (1 - alpha^N) beta is lost to absorption, collision by collision; where the medium emits as much of its source radiance is added, at any N.
+//! *Emission*: of the weight beta that enters a ball (1 - alpha^N) beta is lost to absorption, collision by collision; where the medium emits, as much of its source radiance is added. For that N has to be
+//! known: media that emit have banks, isotropic ones as well.
 //!
 //! *Anisotropic*: where scattering is not isotropic, the ball is shifted and its exits come from walks simulated before, drawn anew for every few samples of a picture ([`Bank`]): exact
 //! for any law, radius and albedo. No density is known of where such a jump leads, so that connections neither begin where one is taken nor where it ends; light that is met
@@ -89,6 +90,8 @@ impl<const N: usize, P: PhaseFunction> Scattering<N> for Turn<'_, N, P> {
 pub struct Jumps<'a, const N: usize> {
     sigma_t: Spectrum<N>,
     alpha: Spectrum<N>,
+    /// ln alpha, with digits where alpha is near 1; for jumps by a bank alone.
+    log_alpha: Spectrum<N>,
     gray: bool,
     /// Least and largest radius \[length\].
     least: f32,
@@ -103,17 +106,19 @@ pub struct Jumps<'a, const N: usize> {
 }
 
 impl<'a, const N: usize> Jumps<'a, N> {
-    /// Returns what jumps need; `None` where there are none: scattering that is not isotropic, extinctions further apart than the table reaches.
+    /// Returns what jumps by tables need; `None` where there are none: scattering that is not isotropic, emission, extinctions further apart than the table reaches.
     pub fn new<P: PhaseFunction>(medium: &Medium<N, P>) -> Option<Self> {
         let sigma_t = medium.sigma_t;
         let (thin, dense) = (sigma_t.min_value(), sigma_t.max_value());
-        if !medium.law.is_isotropic() || thin <= 0.0 || thin * table::MOST <= dense * LEAST {
+        if !medium.law.is_isotropic() || medium.emission.is_some() || thin <= 0.0 || thin * table::MOST <= dense * LEAST
+        {
             return None;
         }
         let alpha = medium.sigma_s.safe_div(sigma_t);
         Some(Self {
             sigma_t,
             alpha,
+            log_alpha: Spectrum::ZERO,
             gray: sigma_t.is_gray(),
             least: LEAST / thin,
             most: table::MOST / dense,
@@ -137,6 +142,7 @@ impl<'a, const N: usize> Jumps<'a, N> {
         Some(Self {
             sigma_t,
             alpha: medium.sigma_s.safe_div(sigma_t),
+            log_alpha: medium.sigma_a.safe_div(sigma_t).map(|x| (-x).ln_1p()),
             gray,
             least: least / thin,
             most: (bank.most() + bank.shift().abs()) / thin,
@@ -232,11 +238,15 @@ impl<'a, const N: usize> Jumps<'a, N> {
     ) -> (u32, Spectrum<N>) {
         let deal = *walker.deal.get_or_insert_with(|| (rng.uniform() * (1 << 23) as f32) as u32);
         let leap = bank.take(level, deal.wrapping_add(walker.collisions), ball, walker.d, rng);
-        let (arrived, n) = (walker.beta, leap.collisions as f32);
-        let first = self.alpha[0].powf(n);
-        walker.beta *= self.alpha.map(|alpha| if alpha == self.alpha[0] { first } else { alpha.powf(n) });
         (walker.p, walker.d) = (leap.p, leap.d);
-        (leap.collisions, arrived - walker.beta)
+        if leap.collisions == 0 {
+            return (0, Spectrum::ZERO);
+        }
+        let arrived = walker.beta;
+        let logs = self.log_alpha * leap.collisions as f32;
+        let first = logs[0].exp();
+        walker.beta *= logs.map(|x| if x == logs[0] { first } else { x.exp() });
+        (leap.collisions, arrived * logs.map(|x| -x.exp_m1()))
     }
 
     /// Returns the least and the largest radius of a jump \[length\].
@@ -305,9 +315,9 @@ impl<const N: usize> Exit<N> {
         walker.renormalize();
     }
 
-    /// Draws the direction of exit and weighs the walker for it; returns its mean density [1/sr], and the weight that collisions took away.
+    /// Draws the direction of exit and weighs the walker for it; returns its mean density [1/sr].
     #[inline]
-    pub(crate) fn leave(&self, walker: &mut Walker<N>, rng: &mut impl Random) -> (f32, Spectrum<N>) {
+    pub(crate) fn leave(&self, walker: &mut Walker<N>, rng: &mut impl Random) -> f32 {
         let u = rng.uniform2();
         let v = self.laws[0].sample(u[0]);
         walker.d = around(self.normal, v, u[1]);
@@ -319,9 +329,8 @@ impl<const N: usize> Exit<N> {
             walker.ratio *= relative;
             pdf *= walker.renormalize();
         }
-        let lost = walker.beta * (Spectrum::ONE - weight);
         walker.beta *= weight;
-        (pdf * per_steradian(v), lost)
+        pdf * per_steradian(v)
     }
 
     /// Returns E\[N\] for a direction of exit, of the hero, without absorption.

@@ -34,11 +34,12 @@ impl<const N: usize> Path<N> {
 
     /// Follows two walks from the camera's first boundary into a medium, of half the weight each: most of the noise is the walk's own, most of the rest of a sample's cost not. Where scattering
     /// is forward walks are split by importance instead.
-    pub(super) fn double(&mut self) {
+    pub(super) fn double(&mut self, counters: &mut Counters) {
         if matches!(&self.medium, Some(Matter::Homogeneous(m)) if !m.sigma_s.is_black() && m.g < window::FORWARD) {
             self.walker.beta *= 0.5;
             let other = Self { copies: Vec::new(), ..self.clone() };
             self.copies.push(other);
+            counters.entered += u64::from(!self.inside.bodies().is_empty());
         }
     }
 

@@ -143,7 +143,7 @@ impl Integrator {
                     path.turn(d, None);
                     path.transmit(scene, object, hit, &point, wo.dot(surface.ng) <= 0.0, eta, wavelengths, counters);
                     if first && self.policy == Policy::Auto && self.max_depth.is_none() {
-                        path.double();
+                        path.double(counters);
                     }
                 }
             }
