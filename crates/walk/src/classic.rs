@@ -332,7 +332,7 @@ const PROGRESS: f32 = 0.125;
 /// Steps from bound to bound: a flight that heads inwards has more room at each step. Each step is shortened by more than
 /// the rounding of the point it leads to.
 #[inline]
-fn march<const N: usize, D: Domain<N>>(domain: &D, walker: &Walker<N>, t: f32) -> f32 {
+pub(crate) fn march<const N: usize, D: Domain<N>>(domain: &D, walker: &Walker<N>, t: f32) -> f32 {
     let mut free = 0.0;
     for _ in 0..LOOKUPS {
         let room = domain.room(walker.p + walker.d * free);

@@ -2,6 +2,7 @@
 
 use moonmilk_core::{Random, Vec3};
 
+use crate::guide::Outward;
 use crate::walker::Walker;
 
 pub mod ball;
@@ -45,6 +46,18 @@ pub trait Domain<const N: usize> {
     #[inline]
     fn clear(&self, _p: Vec3, room: f32, _least: f32, _most: f32) -> f32 {
         room
+    }
+
+    /// Returns the way out from p for guided walks, `room` being [`Domain::room`] of p; `None` where it is not known, and walks go on plainly. A function of the path alone.
+    #[inline]
+    fn outward(&self, _p: Vec3, _room: f32) -> Option<Outward> {
+        None
+    }
+
+    /// Returns the way out at the start p of a walk along d, if that is a wall.
+    #[inline]
+    fn entry(&self, _p: Vec3, _d: Vec3) -> Option<Outward> {
+        None
     }
 
     /// Returns the first wall within `t_max` along d, and the distance to it. `from` is the wall that p stands on.

@@ -60,6 +60,12 @@ pub trait Scattering<const N: usize> {
     /// Returns value and density [1/sr] of the lanes in a direction of flight.
     fn towards(&self, d: Vec3) -> (Spectrum<N>, Spectrum<N>);
 
+    /// Returns the density of a direction and of getting a distance t on from there, over the transmittance, lane by lane.
+    #[inline]
+    fn through(&self, d: Vec3, _t: f32) -> Spectrum<N> {
+        self.towards(d).1
+    }
+
     /// Draws a direction by the hero's density.
     fn draw(&self, rng: &mut impl Random) -> Vec3;
 }

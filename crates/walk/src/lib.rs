@@ -13,6 +13,8 @@
 pub mod classic;
 pub mod domain;
 pub mod field;
+pub mod guide;
+pub mod guided;
 pub mod heterogeneous;
 pub mod hybrid;
 pub mod jump;
@@ -28,6 +30,7 @@ pub mod walker;
 pub use classic::{Limits, Outcome, Roulette, walk, walk_with};
 pub use domain::{Domain, Wall};
 pub use field::{Field, Grid, Majorants};
+pub use guide::Guide;
 pub use jump::Jumps;
 pub use layers::{Stack, walk_stack};
 pub use medium::Medium;

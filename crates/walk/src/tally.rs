@@ -2,6 +2,7 @@
 
 use moonmilk_core::{Random, Spectrum};
 
+use crate::guide::Leaning;
 use crate::hybrid::Jump;
 use crate::jump::Exit;
 use crate::medium::Medium;
@@ -18,6 +19,19 @@ pub trait Tally<const N: usize, R: Random, P = HenyeyGreenstein> {
     /// times sigma_a it is absorbed (or emitted).
     #[inline]
     fn collision(&mut self, _walker: &mut Walker<N>, _medium: &Medium<N, P>, _arrived: Spectrum<N>, _rng: &mut R) {}
+
+    /// Called instead of [`Tally::collision`] in guided walks; `vertex` is what the walk may go on by.
+    #[inline]
+    fn leaning(
+        &mut self,
+        walker: &mut Walker<N>,
+        medium: &Medium<N, P>,
+        arrived: Spectrum<N>,
+        _vertex: &Leaning<'_, N, P>,
+        rng: &mut R,
+    ) {
+        self.collision(walker, medium, arrived, rng);
+    }
 
     /// Returns how many copies of a walker go on from a collision, each by itself, and weighs it as one of them; `None` where roulette of little weights is to decide whether one does.
     #[inline]

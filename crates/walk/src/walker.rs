@@ -15,6 +15,10 @@ pub struct Walker<const N: usize> {
     pub beta: Spectrum<N>,
     /// Density of each lane over their mean; the mean of this is 1.
     pub ratio: Spectrum<N>,
+    /// Density of each lane's guided walks over that of its plain ones ([`crate::guide`]); 0 where the path has no strategies to choose from.
+    pub odds: Spectrum<N>,
+    /// Whether it is guided.
+    pub guided: bool,
     /// Density [1/sr] with which the last direction was drawn; `None` behind a specular event, which no light sampling
     /// competes with.
     pub direction_pdf: Option<f32>,
@@ -38,6 +42,8 @@ impl<const N: usize> Walker<N> {
             d,
             beta: Spectrum::ONE,
             ratio: Spectrum::ONE,
+            odds: Spectrum::ZERO,
+            guided: false,
             direction_pdf: None,
             scatter_point: p,
             collisions: 0,

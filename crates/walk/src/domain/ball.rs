@@ -3,6 +3,7 @@
 use moonmilk_core::{Random, Vec3};
 
 use super::{Domain, Wall, smooth_boundary};
+use crate::guide::Outward;
 use crate::walker::Walker;
 
 /// A ball of a radius \[length\] around the origin; `eta` = inside / outside.
@@ -24,6 +25,17 @@ impl<const N: usize> Domain<N> for Ball {
     fn room(&self, p: Vec3) -> f32 {
         // Round down by more than the error of length().
         self.radius * (1.0 - 1e-6) - p.length()
+    }
+
+    #[inline]
+    fn outward(&self, p: Vec3, _room: f32) -> Option<Outward> {
+        let r = p.length();
+        (r > 0.0).then(|| Outward { n: p / r, r })
+    }
+
+    #[inline]
+    fn entry(&self, p: Vec3, _d: Vec3) -> Option<Outward> {
+        Some(Outward { n: p / self.radius, r: self.radius })
     }
 
     #[inline]

@@ -4,6 +4,7 @@ use moonmilk_core::{Random, Vec3};
 
 use super::layer::Layer;
 use super::{Domain, Wall};
+use crate::guide::Outward;
 use crate::walker::Walker;
 
 /// A slab 0 < z < `thickness` \[length\]; infinite thickness is the half-space. `eta` = inside / outside on both faces.
@@ -44,6 +45,17 @@ impl<const N: usize> Domain<N> for Slab {
     #[inline]
     fn room(&self, p: Vec3) -> f32 {
         Domain::<N>::room(&self.layer(), p)
+    }
+
+    #[inline]
+    fn outward(&self, p: Vec3, _room: f32) -> Option<Outward> {
+        let r = 0.5 * self.thickness - p.z;
+        Some(Outward { n: if r > 0.0 { -Vec3::Z } else { Vec3::Z }, r: r.abs() })
+    }
+
+    #[inline]
+    fn entry(&self, _p: Vec3, d: Vec3) -> Option<Outward> {
+        Some(Outward { n: if d.z > 0.0 { -Vec3::Z } else { Vec3::Z }, r: 0.5 * self.thickness })
     }
 
     #[inline]
