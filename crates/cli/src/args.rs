@@ -135,7 +135,7 @@ pub struct Render {
     #[arg(long, default_value = "path", value_name = "MODE", value_parser = values::subsurface, help_heading = "Transport")]
     pub subsurface: String,
     /// How exact walks are sampled; the mean is the same for all: classic (flight by flight), jump (over balls of the
-    /// medium at once), or auto.
+    /// medium at once), guided (towards the nearest wall where much is absorbed), or auto.
     #[arg(long, default_value = "auto", value_name = "POLICY", value_parser = values::walk, help_heading = "Transport")]
     pub walk: Policy,
     /// Wavelengths: hero, rgb, mono, or one wavelength in nm.

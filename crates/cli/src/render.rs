@@ -42,6 +42,14 @@ pub fn run(a: &Render, bar: bool) -> Outcome {
     if a.walk == Policy::Jump && a.subsurface == "path" && flown > 0 {
         tracing::warn!("--walk jump: {flown} media are walked through flight by flight: they vary in space");
     }
+    if a.walk == Policy::Guided && a.subsurface == "path" && (flown > 0 || integrator.max_depth.is_some()) {
+        let which = if integrator.max_depth.is_some() {
+            "all media, as depth is limited,".into()
+        } else {
+            format!("{flown} media that vary in space")
+        };
+        tracing::warn!("--walk guided: {which} are walked through flight by flight");
+    }
     if let Some(pixel) = a.pixel {
         return replay::run(a, d, &scene, &integrator, pixel);
     }

@@ -15,7 +15,6 @@ const LONGEST: f64 = 3.2e7;
 
 /// Names of the ways to solve the inside that the design has and this version lacks.
 const PLANNED: [&str; 1] = ["diffusion"];
-const POLICIES: [&str; 4] = ["classic", "jump", "guided", "auto"];
 
 /// Returns the names of all ways to solve the inside that this version has.
 pub fn subsurface_names() -> impl Iterator<Item = &'static str> + Clone {
@@ -60,11 +59,8 @@ pub fn walk(s: &str) -> Result<Policy, String> {
     if let Some(policy) = Policy::ALL.into_iter().find(|p| p.name() == s) {
         return Ok(policy);
     }
-    let available = Policy::ALL.map(Policy::name).join(", ");
-    if POLICIES.contains(&s) {
-        return Err(format!("\"{s}\" is planned but not in this version; available: {available}"));
-    }
-    Err(format!("there is no \"{s}\"; did you mean \"{}\"? (available: {available})", nearest(s, &POLICIES)))
+    let names = Policy::ALL.map(Policy::name);
+    Err(format!("there is no \"{s}\"; did you mean \"{}\"? (available: {})", nearest(s, &names), names.join(", ")))
 }
 
 /// Returns the known name that shares most with s.

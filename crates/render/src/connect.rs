@@ -2,6 +2,7 @@
 
 use moonmilk_core::{Random, Sampler, Spectrum, Vec3, Wavelengths};
 use moonmilk_geometry::{Hit, Ray, Surface};
+use moonmilk_walk::guide::Leaning;
 use moonmilk_walk::hybrid::{Core, Jump};
 use moonmilk_walk::jump::{self, Scattering, Turn};
 use moonmilk_walk::{Domain, Medium, PhaseFunction, Roulette, Tally, Walker, heterogeneous, math};
@@ -50,13 +51,15 @@ pub(crate) struct Passage<const N: usize> {
     pub chance: Spectrum<N>,
     /// Factor of roulette on the whole.
     pub survival: f32,
+    /// Length of the way up to the first surface that it passed, or to the end \[length\].
+    pub first: Option<f32>,
 }
 
 impl<const N: usize> Passage<N> {
     /// Nothing in the way.
-    const FREE: Self = Self { t: Spectrum::ONE, chance: Spectrum::ONE, survival: 1.0 };
+    const FREE: Self = Self { t: Spectrum::ONE, chance: Spectrum::ONE, survival: 1.0, first: None };
     /// Something in the way.
-    const BLOCKED: Self = Self { t: Spectrum::ZERO, chance: Spectrum::ZERO, survival: 0.0 };
+    const BLOCKED: Self = Self { t: Spectrum::ZERO, chance: Spectrum::ZERO, survival: 0.0, first: None };
 
     /// Goes a distance through matter.
     fn pass(
@@ -70,6 +73,7 @@ impl<const N: usize> Passage<N> {
         rng: &mut impl Random,
         counters: &mut Counters,
     ) {
+        self.first = self.first.or(Some(distance));
         let (t, scatters) = match matter {
             None => return,
             Some(Matter::Homogeneous(m) | Matter::Similar(m, _)) => (m.transmittance(distance), !m.sigma_s.is_black()),
@@ -317,6 +321,21 @@ impl<const N: usize, P: PhaseFunction> Tally<N, Sampler, P> for InMedium<'_, '_,
     }
 
     #[inline]
+    fn leaning(
+        &mut self,
+        walker: &mut Walker<N>,
+        medium: &Medium<N, P>,
+        arrived: Spectrum<N>,
+        vertex: &Leaning<'_, N, P>,
+        rng: &mut Sampler,
+    ) {
+        if let Some(emission) = medium.emission {
+            self.light.add(walker.collisions - 1, arrived * medium.sigma_a * emission);
+        }
+        self.find_light(walker, medium, walker.beta, vertex, rng);
+    }
+
+    #[inline]
     fn exit(&mut self, walker: &mut Walker<N>, medium: &Medium<N, P>, exit: &jump::Exit<N>, rng: &mut Sampler) {
         self.counters.jumps += 1;
         self.find_light(walker, medium, walker.beta, exit, rng);
@@ -492,7 +511,7 @@ impl<const N: usize> InMedium<'_, '_, N> {
         let Some(sample) = opaque(self.scene, sample).filter(|s| !s.radiance.is_black()) else {
             return;
         };
-        let (value, density) = vertex.towards(sample.wi);
+        let (value, _) = vertex.towards(sample.wi);
         if value.is_black() {
             return;
         }
@@ -501,7 +520,8 @@ impl<const N: usize> InMedium<'_, '_, N> {
             transmittance(self.scene, &from, sample.wi, sample.distance, self.wavelengths, rng, self.counters);
         if !passage.is_black() {
             let beta = if sample.is_delta { beta * self.unseen } else { beta };
-            self.light.add(walker.collisions, weighed(&sample, beta * value, walker.ratio * density, &passage));
+            let chance = walker.ratio * vertex.through(sample.wi, passage.first.unwrap_or(0.0));
+            self.light.add(walker.collisions, weighed(&sample, beta * value, chance, &passage));
         }
     }
 }

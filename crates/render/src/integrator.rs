@@ -14,7 +14,7 @@ use std::sync::Arc;
 use moonmilk_core::{Sampler, Spectrum, Vec3};
 use moonmilk_core::{WavelengthMode, Wavelengths};
 use moonmilk_walk::hybrid::{self, Core};
-use moonmilk_walk::{Jumps, Medium, Outcome, Roulette, Walker, classic};
+use moonmilk_walk::{Jumps, Medium, Outcome, Roulette, Walker, classic, guided};
 
 use crate::balls::{self, Balls};
 use crate::cloud::Cloud;
@@ -355,8 +355,9 @@ impl Integrator {
         if let Some(start) = path.start.take() {
             interior.set_start(start);
         }
+        let guide = if scatterers.is_none() { self.guide(scene, &medium, &interior, path.walker.p) } else { None };
         let splits = self.policy == Policy::Auto && !scene.hybrid && !scene.shifted && self.max_depth.is_none();
-        let window = if splits && (through.is_some() || manifold.is_some()) {
+        let window = if splits && guide.is_none() && (through.is_some() || manifold.is_some()) {
             Window::new(scene, path.inside.innermost(), &medium, path.walker.p, wavelengths, rng)
         } else {
             None
@@ -383,13 +384,17 @@ impl Integrator {
         };
         let limits = classic::Limits { roulette: self.roulette, collisions: collisions.saturating_add(limit) };
         let jumps = match (self.policy, self.max_depth) {
-            _ if scene.hybrid => None,
+            _ if scene.hybrid || guide.is_some() => None,
             (_, None) if scene.shifted => Jumps::shifted(&medium),
             (Policy::Jump, None) => self.jumps(scene, &medium),
             (Policy::Auto, None) => self.jumps(scene, &medium).filter(|j| j.pays(interior.depth())),
             _ => None,
         };
         let outcome = match scatterers {
+            None if let Some(guide) = &guide => {
+                path.walker.choose_strategy(rng);
+                guided::walk(&interior, &medium, guide, &limits, &mut path.walker, &mut tally, rng)
+            }
             None => classic::walk_with(&interior, &medium, jumps.as_ref(), &limits, &mut path.walker, &mut tally, rng),
             Some(s) => classic::walk(&interior, &medium.under(&s.law), &limits, &mut path.walker, &mut tally, rng),
         };

@@ -4,6 +4,7 @@ use std::cell::Cell;
 
 use moonmilk_core::{Random, Vec3};
 use moonmilk_geometry::{Facing, Hit, Ray, Room, Surface};
+use moonmilk_walk::guide::Outward;
 use moonmilk_walk::{Domain, Walker, domain::Wall};
 
 use crate::bsdf::{Crossing, boundary::near, cross};
@@ -17,6 +18,9 @@ const COARSE: f32 = 8.0;
 const FINE: f32 = 4.0;
 /// Most point lights among which jumps are looked for.
 const MOST_LIGHTS: usize = 16;
+
+/// How far a walk goes on by the same way out, in distances from the middle of the body: by that angle its direction is off in a ball. A search costs as much as thirty collisions.
+const TURN: f32 = 0.5;
 
 /// What a path stands on, and on which side of it: decides which hits count next.
 #[derive(Clone, Copy, Debug)]
@@ -71,6 +75,8 @@ pub(crate) struct Interior<'a> {
     /// Connections through the object's boundary, and where the present flight began.
     through: Option<Through<'a>>,
     began: Cell<Start>,
+    /// The last way out that was looked for, from where, and how far from there it is good.
+    out: Cell<Option<(Vec3, Vec3, f32)>>,
     /// The wall that the last query found.
     ahead: Cell<Option<Hit>>,
 }
@@ -108,6 +114,7 @@ impl<'a> Interior<'a> {
             segments: Cell::new(0),
             through,
             began: Cell::new(Start::Wall),
+            out: Cell::new(None),
             ahead: Cell::new(None),
         }
     }
@@ -205,6 +212,34 @@ impl<const N: usize> Domain<N> for Interior<'_> {
             };
         }
         clear
+    }
+
+    fn outward(&self, p: Vec3, room: f32) -> Option<Outward> {
+        let object = &self.scene.objects[self.object? as usize];
+        let r = (self.depth() - room).max(0.0);
+        let known = self.out.get().filter(|(from, _, reach)| from.distance_squared(p) < reach * reach);
+        let n = match known {
+            Some((_, n, _)) => n,
+            None => {
+                let n = (self.scene.accel.closest_point_on(object.body?, p)?.p - p).try_normalize()?;
+                self.out.set(Some((p, n, TURN * r.max(0.5 * self.depth()))));
+                n
+            }
+        };
+        Some(Outward { n, r })
+    }
+
+    #[inline]
+    fn entry(&self, p: Vec3, d: Vec3) -> Option<Outward> {
+        let (Standing::Inside(hit) | Standing::Outside(hit)) = self.start else { return None };
+        if self.room.is_none() || Some(hit.shape) != self.object {
+            return None;
+        }
+        // The walker stands on the hit.
+        let n = self.scene.accel.point_and_normal(&Ray::new(p, d), &Hit { t: 0.0, ..hit }).1;
+        let r = self.depth();
+        self.out.set(Some((p, n, TURN * r)));
+        Some(Outward { n, r })
     }
 
     #[inline]

@@ -409,7 +409,7 @@ impl<'a> Through<'a> {
         let chance = if hit.t <= self.sight(&Start::Near(*start), walker.p, omega) {
             (walker.ratio * pdf).mean() / p
         } else {
-            (walker.ratio * pdf * t).mean()
+            (walker.ratio * vertex.through(omega, hit.t) * t).mean()
         };
         let density = start.q * aimed / transmitted + chance;
         // Leaving multiplies radiance by eta^2.

@@ -12,6 +12,7 @@ mod connections;
 mod environments;
 mod fields;
 mod furnace;
+mod guided;
 mod half_space;
 mod hybrid;
 mod instances;
