@@ -142,12 +142,10 @@ fn an_audit_is_printed_beside_the_picture() {
     f.succeed("render scene.pbrt -o d.exr --walk jump --wavelengths mono");
     assert_eq!(f.bytes("a.exr"), f.bytes("d.exr"));
     // What cannot jump is told.
-    let cloudy = String::from_utf8(f.bytes("scene.pbrt"))
-        .expect("text")
-        .replace("\"homogeneous\"", "\"homogeneous\" \"float g\" .7");
-    f.write("forward.pbrt", cloudy);
-    let told = f.succeed("render forward.pbrt --spp 1 --walk jump -o e.exr").stderr;
-    assert!(told.contains("1 media or materials are walked through flight by flight"), "{told}");
+    let cloudy = String::from_utf8(f.bytes("scene.pbrt")).expect("text").replace("\"homogeneous\"", "\"cloud\"");
+    f.write("varied.pbrt", cloudy);
+    let told = f.succeed("render varied.pbrt --spp 1 --walk jump -o e.exr").stderr;
+    assert!(told.contains("1 media are walked through flight by flight"), "{told}");
     assert!(!f.succeed("render scene.pbrt --spp 1 --walk jump -o e.exr").stderr.contains("flight by flight"));
     assert!(f.run("render scene.pbrt --audit --pixel 1,1").stderr.contains("cannot be used with"));
 }
