@@ -12,8 +12,8 @@ use crate::nest::{Meeting, Nest};
 use crate::scene::{Boundary, Scene, Side};
 use crate::through::{Escape, Start, Through};
 
-/// Coarseness of the grid, in least radii of jumps, from which distances are measured: a search costs as much as thirty collisions.
-const COARSE: f32 = 8.0;
+/// Largest radius of jumps, over the coarseness of the grid, below which distances are measured: 11 mean free paths of coarseness for isotropic scattering, 14 at g .9. A search costs as much as thirty collisions.
+const COARSE: f32 = 5.7;
 /// Bounds of the grid below this many times what they may be off by are measured anew for jumps; larger ones are good to a quarter.
 const FINE: f32 = 4.0;
 /// Most point lights among which jumps are looked for.
@@ -199,7 +199,7 @@ impl<const N: usize> Domain<N> for Interior<'_> {
     fn clear(&self, p: Vec3, room: f32, least: f32, most: f32) -> f32 {
         let mut clear = room;
         // Where the cells of the grid are many mean free paths wide, measure near the surface.
-        if self.measures && self.coarseness > COARSE * least && room < FINE * self.coarseness {
+        if self.measures && COARSE * self.coarseness > most && room < FINE * self.coarseness {
             clear = clear.max(self.scene.accel.clearance(p, least, most.min(room + self.coarseness)));
         }
         if self.connects() {
