@@ -48,7 +48,7 @@ pub(crate) fn wanted(scene: &Scene, policy: Policy) -> Vec<Wanted> {
     if scene.hybrid || scene.shifted {
         return found;
     }
-    let wavelengths = Wavelengths::<1>::sample(WavelengthMode::MONO, 0.5);
+    let wavelengths = Wavelengths::<4>::sample(WavelengthMode::Hero, 0.5);
     for (i, o) in scene.objects.iter().enumerate() {
         if o.body.is_none() || !o.hollow || scene.bank(o).is_some() || found.len() == MOST {
             continue;
@@ -61,7 +61,7 @@ pub(crate) fn wanted(scene: &Scene, policy: Policy) -> Vec<Wanted> {
         let depth = scene.room(i as u32).depth();
         if policy == Policy::Jump || policy == Policy::Auto && Jumps::pays_by_bank(&medium, depth) {
             // Colours and textures may be denser than what was looked at.
-            let most = MARGIN * depth * medium.sigma_t[0];
+            let most = MARGIN * depth * medium.sigma_t.max_value();
             match found.iter_mut().find(|f| f.0 == medium.g) {
                 Some(f) => f.1 = f.1.max(most),
                 None => found.push((medium.g, most)),
