@@ -27,7 +27,7 @@ const RATIO: f32 = 1.3;
 /// Levels: the largest radius is 8.2 times the least.
 const LEVELS: usize = 9;
 /// Levels have half as many records as those two below, down to 2^-THINNED of the first: they cost more, and fewer jumps take them.
-pub const THINNED: usize = 4;
+const THINNED: usize = 4;
 /// Least radius [transport mean free paths]: has to be above |g|.
 const LEAST: f32 = 1.0;
 
@@ -78,7 +78,7 @@ pub(super) fn radius(g: f32, level: usize) -> f32 {
 impl Bank {
     /// Simulates records number `range` of the first level, and fewer of larger ones, up to a radius [mean free paths]; a pure function of its arguments.
     ///
-    /// *Domain*: ranges between multiples of 2^[`THINNED`].
+    /// *Domain*: ranges between multiples of 16.
     pub fn part(law: &impl PhaseFunction, key: u64, range: Range<u32>, most: f32) -> Part {
         let g = law.mean_cosine();
         let level = |k: usize| {
@@ -100,7 +100,7 @@ impl Bank {
         Self { g, levels }
     }
 
-    /// Simulates a bank of a number of records, a power of two from 2^[`THINNED`] on, for balls up to a radius [mean free paths].
+    /// Simulates a bank of a number of records, a power of two from 16 on, for balls up to a radius [mean free paths].
     pub fn new(law: &impl PhaseFunction, key: u64, count: u32, most: f32) -> Self {
         Self::join(law.mean_cosine(), [Self::part(law, key, 0..count, most)])
     }
