@@ -19,7 +19,7 @@ use crate::texture::TexturePoint;
 pub(crate) const GROUP: u64 = 4;
 /// Word that separates the random numbers of banks from those of pixels.
 const BALLS: u64 = 0xBA115;
-/// Records of a level per pixel of the whole picture, and fewest and most: with them a record is used about as often as there are jumps per path, and a bank holds little over a megabyte.
+/// Records of a level per pixel of the whole picture, and fewest and most: with them a record is used about as often as there are jumps per path, and a bank holds half a megabyte.
 const PER_PIXEL: f64 = 0.125;
 const RECORDS: [f64; 2] = [256.0, 8192.0];
 /// Collisions per record grow with the transport mean free path; above this asymmetry there are fewer records, at the same cost.

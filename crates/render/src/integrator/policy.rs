@@ -20,7 +20,7 @@ pub enum Policy {
     Jump,
     /// Towards the nearest wall where the medium absorbs ([`moonmilk_walk::guide`]).
     Guided,
-    /// Chosen per medium and body: guided where much is absorbed and a sky shines, jumps where scattering is isotropic and the body thick, walks split by importance where it is forward, else flights.
+    /// Chosen per medium and body: guided where much is absorbed and a sky shines, jumps in thick bodies, walks split by importance where scattering is forward, two walks from the camera's first boundary where it is not, else flights.
     #[default]
     Auto,
 }

@@ -110,11 +110,6 @@ impl Bank {
         self.g
     }
 
-    /// Returns the bytes that it holds.
-    pub fn memory(&self) -> usize {
-        self.levels.iter().map(|l| l.len() * size_of::<Record>()).sum()
-    }
-
     /// Returns how far ahead of a collision the centre of its ball lies [mean free paths]; behind it if negative.
     #[inline]
     pub fn shift(&self) -> f32 {
