@@ -6,7 +6,7 @@
 use moonmilk_core::{Spectrum, Vec3, Wavelengths};
 
 use super::unseen::Target;
-use super::{LightSample, Lights, Placed, Shares, refined};
+use super::{Lights, Placed, Shares, refined};
 
 /// Where a connection may lead.
 #[derive(Clone, Copy, Debug)]
@@ -133,19 +133,7 @@ impl Lights {
         !(near > far + 1e-4 * far.abs() || far < 0.0)
     }
 
-    /// Chooses among the lights that have a position alone and returns a sample if it has a surface.
-    pub fn sample_surface<const N: usize>(
-        &self,
-        p: Vec3,
-        n: Option<Vec3>,
-        wavelengths: &Wavelengths<N>,
-        u: [f32; 3],
-    ) -> Option<LightSample<N>> {
-        let v = [f64::from(u[1]), f64::from(u[2])];
-        self.sample_placed(p, n, wavelengths, refined(u), v, 1.0).filter(|s| !s.is_delta)
-    }
-
-    /// Returns the density with which [`Lights::sample_surface`] from (p, n) yields the direction to the point q of a light's surface.
+    /// Returns the density with which a choice among the lights that have a position yields, from (p, n), the direction to the point q of a light's surface.
     pub fn pdf_surface(&self, p: Vec3, n: Option<Vec3>, light: u32, q: Vec3) -> f32 {
         match self.placed.get(light as usize) {
             Some(Placed::Surface { surface, .. }) => {
