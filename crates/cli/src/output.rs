@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use moonmilk_core::random::SCRAMBLINGS;
 use moonmilk_io::atomic::write_atomically;
 use moonmilk_io::image::{Picture, Value, Window};
-use moonmilk_io::metrics::VARIANCE_SAMPLES;
+use moonmilk_io::metrics::{BLOCK_VARIANCE, MEAN_VARIANCE, VARIANCE_SAMPLES};
 use moonmilk_io::{exr, png};
 use moonmilk_render::film::{Aov, Film};
 
@@ -109,6 +109,14 @@ pub fn picture(film: &Film, settings: Option<&Settings>, factor: f32) -> Result<
         let parts = film.samples().min(SCRAMBLINGS) as i32;
         if parts >= 2 {
             p.attributes.insert(VARIANCE_SAMPLES.into(), Value::Int(parts));
+        }
+        // Pixels may share errors: means over many have variances of their own.
+        if d.mean_variance.iter().all(|v| v.is_finite()) {
+            for (c, name) in ["R", "G", "B"].into_iter().enumerate() {
+                let plane = d.block_variance.iter().map(|v| v[c]).collect();
+                p.push(&format!("{BLOCK_VARIANCE}.{name}"), plane).map_err(fail)?;
+                p.attributes.insert(format!("{MEAN_VARIANCE}{name}"), Value::Float(d.mean_variance[c]));
+            }
         }
     }
     for (name, values) in d.extra {

@@ -2,14 +2,14 @@
 //!
 //! A is the picture under test, B the reference. Colour only (`R`, `G`, `B` or `Y`); other layers are not compared.
 //! The variance layer `Variance.R` ... holds the variance of the pixel's value itself (not of a single sample). If the
-//! attribute [`VARIANCE_SAMPLES`] says from how many independent parts it was estimated, the tests allow for that.
+//! attribute [`VARIANCE_SAMPLES`] says from how many independent parts it was estimated, the tests allow for that. Pixels may share errors: then [`BLOCK_VARIANCE`] says what means are worth.
 
 use std::fmt;
 
 use crate::false_color::false_color;
 use crate::flip::{self, HdrFlip, PIXELS_PER_DEGREE};
 use crate::image::{Error, ErrorKind, Picture, Planes, Value, Window};
-use crate::ztest::{Deviation, ROUNDING, ZTest, sidak_p, test_channel};
+use crate::ztest::{BLOCK, Deviation, ROUNDING, Sums, ZTest, sidak_p, test_channel};
 
 /// Epsilon of relMSE and of the relative error: `(a - b)^2 / (b^2 + RELATIVE_EPSILON)`.
 ///
@@ -19,6 +19,12 @@ pub const RELATIVE_EPSILON: f64 = 0.01;
 
 /// Name of the attribute (integer, at least 2) with the number of independent parts behind the `Variance` layer.
 pub const VARIANCE_SAMPLES: &str = "moonmilk.varianceSamples";
+
+/// Layer with the variance of the mean over the block of [`crate::ztest::BLOCK`]² pixels that a pixel is in, and attributes (before `R`, `G`, `B`) with that of the picture's mean: of as many parts as the
+/// `Variance` layer. Without them pixels are taken as independent.
+pub const BLOCK_VARIANCE: &str = "BlockVariance";
+/// See [`BLOCK_VARIANCE`].
+pub const MEAN_VARIANCE: &str = "moonmilk.meanVariance";
 
 /// The plain figures of one channel, or of all channels together.
 #[derive(Clone, Debug, PartialEq)]
@@ -119,9 +125,11 @@ pub fn diff(test: &Picture, reference: &Picture) -> Result<DiffReport, Error> {
             let pixel = |i: usize| valid[i].then(|| deviation([a[c], va[c]], [b[c], vb[c]], freedom, i)).flatten();
             let unexplained =
                 (0..n).filter(|&i| valid[i] && unexplained([a[c][i], va[c][i]], [b[c][i], vb[c][i]])).count();
-            let variance: f64 = (0..n).filter_map(pixel).map(|d| d.variance).sum();
+            let sums = [(test, va[c]), (reference, vb[c])].map(|(p, v)| Sums::of(p, c, v, &valid));
+            let variance: f64 = sums.iter().map(|s| s.whole[0]).sum();
             figures.ratio_std_err = Some(variance.sqrt() / ((n - invalid) as f64 * figures.mean_reference.abs()));
-            tests.push(test_channel(name, window.width, window.height, unexplained, pixel));
+            let [a, b] = sums;
+            tests.push(test_channel(name, window.width, window.height, unexplained, pixel, &a.joined(&b)));
         }
         channels.push(figures);
     }
@@ -141,6 +149,42 @@ pub fn diff(test: &Picture, reference: &Picture) -> Result<DiffReport, Error> {
         tests: noise.map(|_| tests),
         relative_error: (0..n).map(|i| if valid[i] { relative_error(a, b, i) } else { f32::NAN }).collect(),
     })
+}
+
+impl Sums {
+    /// Returns the variances of a picture's sums of a channel over blocks and all valid pixels: as the picture says, or for independent pixels.
+    fn of(picture: &Picture, c: usize, variance: &[f32], valid: &[bool]) -> Self {
+        let (width, freedom) = (picture.width, freedom(picture));
+        let columns = width.div_ceil(BLOCK);
+        let mut blocks = vec![[0.0f64; 2]; columns * (valid.len() / width).div_ceil(BLOCK)];
+        let mut counts = vec![0.0f64; blocks.len()];
+        let block = |i: usize| i / width / BLOCK * columns + i % width / BLOCK;
+        let usable = |i: &usize| valid[*i] && variance[*i] >= 0.0 && variance[*i].is_finite();
+        for i in (0..valid.len()).filter(usable) {
+            let (v, at) = (f64::from(variance[i]), &mut blocks[block(i)]);
+            (at[0], at[1], counts[block(i)]) = (at[0] + v, at[1] + v * v / freedom, counts[block(i)] + 1.0);
+        }
+        let of_mean = |v: f64, n: f64| [v * n * n, (v * n * n).powi(2) / freedom];
+        let name = ["R", "G", "B"][c];
+        let said = picture.attributes.get(&format!("{MEAN_VARIANCE}{name}"));
+        if let (Some(layer), Some(Value::Float(mean))) = (picture.layer(BLOCK_VARIANCE), said) {
+            for i in (0..valid.len()).filter(usable) {
+                blocks[block(i)] = of_mean(f64::from(layer[c][i]), counts[block(i)]);
+            }
+            return Self { blocks, whole: of_mean(*mean, counts.iter().sum()) };
+        }
+        let whole = blocks.iter().fold([0.0; 2], |a, b| [a[0] + b[0], a[1] + b[1]]);
+        Self { blocks, whole }
+    }
+
+    /// Returns those of the difference from an independent picture.
+    fn joined(&self, other: &Self) -> Self {
+        let add = |(a, b): (&[f64; 2], &[f64; 2])| [a[0] + b[0], a[1] + b[1]];
+        Self {
+            blocks: self.blocks.iter().zip(&other.blocks).map(add).collect(),
+            whole: add((&self.whole, &other.whole)),
+        }
+    }
 }
 
 /// Returns the degrees of freedom of a picture's variances: samples - 1, or infinity if nothing is said.

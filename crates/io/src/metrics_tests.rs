@@ -141,3 +141,53 @@ fn a_picture_equals_itself_in_every_figure() {
     assert_eq!((r.all.ratio, r.all.mse, r.flip(), r.p()), (1.0, 0.0, 0.0, Some(1.0)));
     assert_eq!(r.flip_picture().unwrap().width, 33);
 }
+
+#[test]
+fn errors_that_pixels_share_are_no_difference_where_a_picture_says_so() {
+    // Noise of each pixel, and as large a part common to all: eight parts, whose spread says what means are worth.
+    let shared = |seed: u64, said: bool| {
+        let mut random = Normal(Stream::new(&[seed]));
+        let (width, height, parts) = (32usize, 16usize, 8usize);
+        let n = width * height;
+        let xs: Vec<Vec<f64>> = (0..parts)
+            .map(|_| {
+                let common = random.next();
+                (0..n).map(|_| 5.0 + 0.3 * (random.next() + common)).collect()
+            })
+            .collect();
+        let variance = |x: &[f64]| {
+            let m = x.iter().sum::<f64>() / parts as f64;
+            x.iter().map(|x| (x - m).powi(2)).sum::<f64>() / ((parts - 1) * parts) as f64
+        };
+        let mean_over = |i: std::ops::Range<usize>, within: &dyn Fn(usize) -> bool| -> Vec<f64> {
+            let list: Vec<usize> = i.filter(|&i| within(i)).collect();
+            xs.iter().map(|x| list.iter().map(|&i| x[i]).sum::<f64>() / list.len() as f64).collect()
+        };
+        let block = |k: usize| variance(&mean_over(0..n, &|i| i % width / 16 == k));
+        let blocks = [block(0), block(1)];
+        let mut p = Picture::new(width, height);
+        for name in ["R", "G", "B"] {
+            let pixel = |i: usize| xs.iter().map(|x| x[i]).collect::<Vec<f64>>();
+            p.push(name, (0..n).map(|i| (pixel(i).iter().sum::<f64>() / parts as f64) as f32).collect()).unwrap();
+            p.push(&format!("Variance.{name}"), (0..n).map(|i| variance(&pixel(i)) as f32).collect()).unwrap();
+            if said {
+                let plane = (0..n).map(|i| blocks[i % width / 16] as f32).collect();
+                p.push(&format!("{BLOCK_VARIANCE}.{name}"), plane).unwrap();
+                let whole = Value::Float(variance(&mean_over(0..n, &|_| true)));
+                p.attributes.insert(format!("{MEAN_VARIANCE}{name}"), whole);
+            }
+        }
+        p.attributes.insert(VARIANCE_SAMPLES.into(), Value::Int(parts as i32));
+        p
+    };
+    // Of forty pairs none is below 1e-4 by chance (.4 %); taken for independent nearly all are.
+    let alarms = |said: bool| {
+        (0..40).filter(|&k| diff(&shared(2 * k, said), &shared(2 * k + 1, said)).unwrap().p().unwrap() < 1e-4).count()
+    };
+    assert_eq!(alarms(true), 0);
+    assert!(alarms(false) > 20, "{}", alarms(false));
+    // The ratio's standard error is that of the means.
+    let e = diff(&shared(1, true), &shared(2, true)).unwrap().all.ratio_std_err.unwrap();
+    let expected = 0.3 * (2.0f64 / 8.0).sqrt() / 5.0;
+    assert!(e > 0.4 * expected && e < 2.0 * expected, "{e} against {expected}");
+}

@@ -3,7 +3,7 @@
 //! A difference and its variance add up over pixels, so all three tests are one: sum, divide, compare with the distribution
 //! that the quotient has if the means are equal. The largest of many quotients is judged after Sidak's correction.
 //!
-//! *Assumes* independent pixels (each sample counts for one pixel) and sums that are nearly normal. With few or very unequal
+//! *Assumes* sums that are nearly normal, and independent pixels where a picture does not say what the variances of its blocks' means are ([`Sums`]). With few or very unequal
 //! samples single pixels are not: the verdict rests on the blocks and the mean, the pixels tell where to look.
 
 use moonmilk_core::stats::z_test;
@@ -132,7 +132,16 @@ impl ZTest {
     }
 }
 
-/// Returns the tests of one channel of `width` columns.
+/// Variances of sums of differences, and `variance^2 / degrees of freedom` of each.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sums {
+    /// Over the blocks of [`BLOCK`]² pixels, row by row.
+    pub blocks: Vec<[f64; 2]>,
+    /// Over all pixels.
+    pub whole: [f64; 2],
+}
+
+/// Returns the tests of one channel of `width` columns; the variances of sums over many pixels are those given.
 ///
 /// `pixel` gives the deviation of a pixel by its index, or nothing where it is invalid; `unexplained` are counted beforehand.
 pub fn test_channel(
@@ -141,6 +150,7 @@ pub fn test_channel(
     height: usize,
     unexplained: usize,
     pixel: impl Fn(usize) -> Option<Deviation>,
+    sums: &Sums,
 ) -> ZTest {
     let columns = width.div_ceil(BLOCK);
     let mut blocks = vec![Deviation::default(); columns * height.div_ceil(BLOCK)];
@@ -153,8 +163,10 @@ pub fn test_channel(
             pixels.add(&d, x, y);
         }
     }
+    [all.variance, all.uncertainty] = sums.whole;
     let mut block_sum = SetSum::default();
-    for (k, d) in blocks.iter().enumerate() {
+    for (k, (d, s)) in blocks.iter_mut().zip(&sums.blocks).enumerate() {
+        [d.variance, d.uncertainty] = *s;
         block_sum.add(d, k % columns * BLOCK, k / columns * BLOCK);
     }
     let channel = channel.to_owned();

@@ -17,6 +17,8 @@ pub const LARGEST: f32 = 16_777_216.0;
 pub const TILE: u32 = 16;
 
 const K: usize = SCRAMBLINGS as usize;
+/// Side of the blocks of pixels, from the first stored one on, whose means have variances of their own: pixels may share errors.
+pub const BLOCK: u32 = 16;
 
 /// Additional pictures that a render may record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -145,6 +147,10 @@ pub struct Developed {
     pub rgb: Vec<[f32; 3]>,
     /// Variance of that mean; NaN where fewer than two scramblings have samples.
     pub variance: Vec<[f32; 3]>,
+    /// Variance of the mean over the block of [`BLOCK`] x [`BLOCK`] pixels that the pixel is in; NaN where samples are too few or not everywhere as many.
+    pub block_variance: Vec<[f32; 3]>,
+    /// Variance of the mean over all pixels; NaN likewise.
+    pub mean_variance: [f64; 3],
     /// Additional channels: name and values.
     pub extra: Vec<(&'static str, Vec<f32>)>,
     /// Smallest and largest number of samples of a pixel.
@@ -314,9 +320,13 @@ impl Film {
             height: h,
             rgb: vec![[0.0; 3]; n],
             variance: vec![[f32::NAN; 3]; n],
+            block_variance: vec![[f32::NAN; 3]; n],
+            mean_variance: [f64::NAN; 3],
             extra: names.iter().map(|&name| (name, vec![0.0; n])).collect(),
             samples: [u64::MAX, 0],
         };
+        let columns = w.div_ceil(BLOCK);
+        let mut blocks = vec![([[0.0; 3]; K], 0u32); (columns * h.div_ceil(BLOCK)) as usize];
         for i in 0..self.tiles.len() {
             let t = self.tile(i);
             out.samples = [out.samples[0].min(t.samples), out.samples[1].max(t.samples)];
@@ -328,8 +338,12 @@ impl Film {
                 let (px, py) = (p as u32 % t.width, p as u32 / t.width);
                 let at = ((t.y0 + py - y0) * w + (t.x0 + px - x0)) as usize;
                 let f = f64::from(factor) * QUANTUM;
+                let (x, y) = (at as u32 % w, at as u32 / w);
+                let block = &mut blocks[(y / BLOCK * columns + x / BLOCK) as usize];
+                block.1 += 1;
                 for c in 0..3 {
                     let sum = |k: usize| t.sums[(p * K + k) * 3 + c];
+                    (0..K).for_each(|k| block.0[k][c] += f * sum(k) as f64);
                     let mean = f * (0..K).map(sum).sum::<i64>() as f64 / t.samples as f64;
                     out.rgb[at][c] = mean as f32;
                     out.variance[at][c] = between(&dealt, t.samples, |k| f * sum(k) as f64, mean) as f32;
@@ -343,7 +357,32 @@ impl Film {
         if out.samples[0] == u64::MAX {
             out.samples[0] = 0;
         }
+        if out.samples[0] == out.samples[1] && out.samples[0] > 0 {
+            self.develop_blocks(&mut out, &blocks, columns);
+        }
         out
+    }
+
+    /// Adds the variances of means over blocks and the whole, from the sums of the scramblings in each block and its number of pixels.
+    fn develop_blocks(&self, out: &mut Developed, blocks: &[([[f64; 3]; K], u32)], columns: u32) {
+        let n = out.samples[0];
+        let dealt: [u64; K] = std::array::from_fn(|k| self.dealt(n, k as u64));
+        let of = |sums: &[[f64; 3]; K], pixels: u32| -> [f64; 3] {
+            std::array::from_fn(|c| {
+                let sum = |k: usize| sums[k][c] / f64::from(pixels);
+                between(&dealt, n, sum, (0..K).map(sum).sum::<f64>() / n as f64)
+            })
+        };
+        let variances: Vec<[f32; 3]> = blocks.iter().map(|(s, pixels)| of(s, *pixels).map(|v| v as f32)).collect();
+        for (at, v) in out.block_variance.iter_mut().enumerate() {
+            let (x, y) = (at as u32 % out.width, at as u32 / out.width);
+            *v = variances[(y / BLOCK * columns + x / BLOCK) as usize];
+        }
+        let mut all = [[0.0; 3]; K];
+        for (sums, _) in blocks {
+            all.iter_mut().flatten().zip(sums.iter().flatten()).for_each(|(a, s)| *a += s);
+        }
+        out.mean_variance = of(&all, blocks.iter().map(|b| b.1).sum());
     }
 }
 
@@ -385,6 +424,32 @@ impl Developed {
 mod tests {
     use super::*;
     use moonmilk_core::{Random, Stream};
+
+    #[test]
+    fn means_over_pixels_that_share_errors_have_their_variance() {
+        // All pixels of a sample number are alike: the mean over them has the variance of one.
+        let film = Film::new([20, 18], [0, 20, 0, 18], 0, &[Aov::Variance]);
+        for i in 0..film.tile_count() {
+            let tile = film.tile(i).clone();
+            let mut update = film.update(&tile);
+            for p in 0..(tile.width * tile.height) as usize {
+                for s in 0..32 {
+                    let x = Stream::new(&[2, s]).uniform();
+                    let sample = PixelSample { rgb: [x, 2.0 * x, 0.5], ..Default::default() };
+                    assert!(film.add(&mut update, p, s, &sample, || 0.5));
+                }
+            }
+            film.commit(i, update, 32);
+        }
+        let d = film.develop(1.0);
+        for at in 0..d.variance.len() {
+            for c in 0..2 {
+                let [own, block] = [d.variance[at][c], d.block_variance[at][c]].map(f64::from);
+                assert!(own > 0.0 && (block / own - 1.0).abs() < 1e-3 && (d.mean_variance[c] / own - 1.0).abs() < 1e-3);
+            }
+            assert!(d.block_variance[at][2] < 1e-9);
+        }
+    }
 
     fn filled(first: u64, range: std::ops::Range<u64>) -> Film {
         let film = Film::new([20, 18], [0, 20, 0, 18], first, &[Aov::Depth]);
