@@ -93,6 +93,31 @@ class Checks:
         print(("ok    " if ok else "FAIL  ") + text, flush=True)
 
 
+# Pictures with random numbers of their own that a mean and its error come from: pixels of one picture share errors where walks share vertices of light's paths.
+PARTS = 16
+
+
+def parts(scene, out, spp):
+    """Renders so many samples per pixel in PARTS pictures; returns them and all CPU seconds."""
+    import numpy as np
+    images, cpu = [], 0
+    for k in range(PARTS):
+        cpu += render(scene, out, "--wavelengths", "mono", "--spp", max(1, int(spp / PARTS)), "--seed", 1 + k)
+        images.append(gray(out))
+    return np.stack(images), cpu
+
+
+def estimate(x):
+    """Mean over the first axis and its standard error."""
+    return x.mean(axis=0), x.std(axis=0, ddof=1) / math.sqrt(len(x))
+
+
+def score(t):
+    """The standard normal deviate about as improbable as t of Student's law with PARTS - 1 degrees of freedom (Wallace 1959)."""
+    n = PARTS - 1
+    return math.copysign((8 * n + 1) / (8 * n + 3) * math.sqrt(n * math.log1p(t * t / n)), t)
+
+
 # Exact or independent values of the mean over the mask (reference/README.md); the dragons' from Mitsuba.
 FURNACES = {
     "furnace_sphere_abs": (0.513777, 0.000125, 768),
@@ -109,14 +134,11 @@ def furnaces(checks, folder, factor, scenes):
         if scenes and name not in scenes:
             continue
         out = os.path.join(folder, name + ".exr")
-        spp = max(16, int(spp * factor))
-        cpu = render(os.path.join(REFERENCE, name, "scene.pbrt"), out, "--wavelengths", "mono", "--spp", spp, "--aov", "variance")
+        images, cpu = parts(os.path.join(REFERENCE, name, "scene.pbrt"), out, spp * factor)
         mask = gray(os.path.join(REFERENCE, name, "mask.exr")) > 0.5
-        mean = gray(out)[mask].mean()
-        # Three equal channels: their mean has the variance of one.
-        own = math.sqrt(channels(out)["Variance.R"][mask].sum()) / mask.sum()
+        mean, own = estimate(images[:, mask].mean(axis=1))
         combined = math.hypot(own, error)
-        z = 0.0 if mean == exact else (mean - exact) / max(combined, 1e-12)
+        z = 0.0 if mean == exact else score((mean - exact) / max(combined, 1e-12))
         # Smooth normals: Mitsuba's figure lost 0.25 % to its rule, so a difference of that size is expected and reported.
         loose = name == "furnace_dragon_abs"
         ok = abs(mean / exact - 1) < 0.006 if loose else abs(z) < 4 or abs(mean / exact - 1) < 1e-6
@@ -132,30 +154,29 @@ def pictures(checks, folder, factor, scenes):
         if scenes and name not in scenes:
             continue
         out = os.path.join(folder, name + ".exr")
-        spp = max(16, int(spp * factor))
         scene = os.path.join(REFERENCE, name, "scene.pbrt")
         scene = black_light(scene, folder) if renderer == "mitsuba" else scene
-        cpu = render(scene, out, "--wavelengths", "mono", "--spp", spp, "--aov", "variance")
-        ours, var = gray(out), channels(out)["Variance.R"]
+        images, cpu = parts(scene, out, spp * factor)
         there = os.path.join(REFERENCE, name, renderer)
         theirs, their_var = gray(there + ".exr"), gray(there + "_variance.exr")
         if renderer == "pbrt":
             # pbrt's channels share their paths: the variance of their mean is at most the mean of their variances.
             their_var = gray(there + "_variance.exr")
         mask = gray(os.path.join(REFERENCE, name, "mask.exr")) > 0.5
-        a, b = ours[mask].mean(), theirs[mask].mean()
-        ea, eb = math.sqrt(var[mask].sum()) / mask.sum(), math.sqrt(their_var[mask].sum()) / mask.sum()
+        (a, ea), b = estimate(images[:, mask].mean(axis=1)), theirs[mask].mean()
+        eb = math.sqrt(their_var[mask].sum()) / mask.sum()
         error = math.hypot(ea, eb) / b
         text = f"{name:12s} mean / {renderer}'s = {a / b:.5f} +- {error:.5f} (ours {100 * ea / a:.3f} %), {cpu:.0f} CPU s"
         checks.line(abs(a / b - 1) < bound + 3 * error, text)
         # Blocks of 16 x 16 pixels: difference in combined standard errors, Sidak over the blocks.
-        h, w = ours.shape
+        h, w = theirs.shape
         block = lambda x: x[: h // 16 * 16, : w // 16 * 16].reshape(h // 16, 16, w // 16, 16).sum(axis=(1, 3))
         count = block(mask.astype(float))
         used = count > 64
-        diff = (block(np.where(mask, ours - theirs, 0)) / np.maximum(count, 1))[used]
-        sd = (np.sqrt(block(np.where(mask, var + their_var, 0))) / np.maximum(count, 1))[used]
-        z = np.abs(diff / sd).max()
+        means = np.stack([(block(np.where(mask, x - theirs, 0)) / np.maximum(count, 1))[used] for x in images])
+        diff, own = estimate(means)
+        sd = np.hypot(own, (np.sqrt(block(np.where(mask, their_var, 0))) / np.maximum(count, 1))[used])
+        z = score(np.abs(diff / sd).max())
         limit = sidak(6.3e-5, used.sum())
         ok = normal_p(z) > limit
         if name == "dragon":

@@ -53,13 +53,14 @@ fn text(name: &str, a: &Audit) -> String {
     let noise = |differs: bool| if differs { "more than noise" } else { "within noise" };
     format!(
         "audit of {name} against plain walks: {} pairs of paths, mean {:.5} (standard error {:.5})\n  \
-         difference {:+.3} % +- {:.3} % (95 %): {}\n  \
+         difference {:+.3} % +- {:.3} % (95 %, {} independent values): {}\n  \
          blocks of 16 x 16 pixels: {} compared, the largest standard score is {:.1}: {}",
-        a.plain.n,
+        a.pairs,
         a.plain.mean,
         a.plain.std_err,
         100.0 * relative,
         100.0 * interval,
+        a.difference.n,
         noise(a.differs()),
         a.blocks,
         a.worst_block.abs(),

@@ -122,9 +122,71 @@ impl Random for Sampler {
     }
 }
 
+/// Points of a lattice of rank 1 under one random shift: pairs of variates, each uniform, that spread over the square together.
+///
+/// Pair k of n is (u + k / n, v + k phi) mod 1, phi the golden ratio.
+#[derive(Clone, Copy, Debug)]
+pub struct Spread {
+    shift: [f32; 2],
+    step: f32,
+    next: u32,
+}
+
+impl Spread {
+    /// Returns the lattice of n points under a shift.
+    pub fn new(shift: [f32; 2], n: u32) -> Self {
+        Self { shift, step: 1.0 / n as f32, next: 0 }
+    }
+}
+
+impl Random for Spread {
+    /// Returns the first of the next pair.
+    #[inline]
+    fn uniform(&mut self) -> f32 {
+        self.uniform2()[0]
+    }
+
+    #[inline]
+    fn uniform2(&mut self) -> [f32; 2] {
+        const GOLDEN: f32 = 0.618_034;
+        let k = self.next as f32;
+        self.next += 1;
+        // Back to the centres of cells, within the open interval.
+        let cell = |u: f32| to_open_unit(((u.fract() * 8_388_608.0) as u32).min(8_388_607) << 9);
+        [cell(self.shift[0] + k * self.step), cell(self.shift[1] + k * GOLDEN)]
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn points_of_a_lattice_are_spread_and_each_is_uniform() {
+        // One in each of n strips, whatever the shift; the mean over shifts of a smooth function is its integral to 4 sigma.
+        let (n, mut sum, mut squares) = (5u32, 0.0f64, 0.0f64);
+        for k in 0..4000 {
+            let shift = Stream::new(&[11, k]).uniform2();
+            let mut spread = Spread::new(shift, n);
+            let mut strips: Vec<u32> = Vec::new();
+            for i in 0..n {
+                let [u, v] = spread.uniform2();
+                assert!(u > 0.0 && u < 1.0 && v > 0.0 && v < 1.0);
+                let first = shift[0] - (shift[0] * n as f32).floor() / n as f32;
+                strips.push(((u - first) * n as f32).round() as u32 % n);
+                if i == 3 {
+                    let f = f64::from(u * u * v);
+                    (sum, squares) = (sum + f, squares + f * f);
+                }
+            }
+            strips.sort();
+            strips.dedup();
+            assert!(strips.len() as u32 == n, "{strips:?}");
+        }
+        let mean = sum / 4000.0;
+        let error = ((squares / 4000.0 - mean * mean) / 4000.0).sqrt();
+        assert!((mean - 1.0 / 6.0).abs() < 4.0 * error, "{mean} +- {error}");
+    }
 
     #[test]
     fn numbers_stay_inside_the_open_unit_interval() {

@@ -78,6 +78,13 @@ pub fn t_test(t: f64, freedom: f64) -> f64 {
     2.0 * StudentsT::new(0.0, 1.0, freedom).expect("positive degrees of freedom").sf(t.abs())
 }
 
+/// Returns the standard normal deviate that is as improbable as a deviate of Student's law with `freedom` degrees of freedom, with its sign.
+///
+/// *Domain*: freedom > 0; beyond 38 standard deviations the result is infinite.
+pub fn normal_score(t: f64, freedom: f64) -> f64 {
+    if t == 0.0 { 0.0 } else { -Normal::standard().inverse_cdf(0.5 * t_test(t, freedom)) * t.signum() }
+}
+
 /// Returns the significance per test that gives `significance` over `tests` independent ones: 1 - (1 - a)^(1/n).
 pub fn sidak(significance: f64, tests: usize) -> f64 {
     // Through ln and exp so that small significances keep their digits.
@@ -100,6 +107,7 @@ mod tests {
         assert!((z_test(1.959_964) - 0.05).abs() < 1e-6 && (z_test(-2.575_829) - 0.01).abs() < 1e-6);
         // Student's law: 97.5 % quantiles at 3 and 63 degrees of freedom (tables).
         assert!((t_test(3.182_446, 3.0) - 0.05).abs() < 1e-6 && (t_test(-1.998_341, 63.0) - 0.05).abs() < 1e-6);
+        assert!((normal_score(-3.182_446, 3.0) + 1.959_964).abs() < 1e-5 && normal_score(0.0, 3.0) == 0.0);
         // Kolmogorov's law: 95 % quantile 1.3581 (tables).
         assert!((kolmogorov_survival(1.3581) - 0.05).abs() < 1e-4);
         assert!((1.0 - (1.0 - sidak(0.01, 20)).powi(20) - 0.01).abs() < 1e-12);

@@ -19,8 +19,8 @@
 //!
 //! All pixels share the points of one sample number, and its wavelengths: their errors are correlated, within one sample number alone.
 
-use moonmilk_core::random::mix;
-use moonmilk_core::{Frame, Random, Sampler, Spectrum, Vec2, Vec3, WavelengthMode, Wavelengths};
+use moonmilk_core::random::{SCRAMBLINGS, mix};
+use moonmilk_core::{Random, Sampler, Spectrum, Vec2, Vec3, WavelengthMode, Wavelengths};
 use moonmilk_geometry::{Bounds, Hit, Ray};
 use moonmilk_walk::Medium;
 use rayon::prelude::*;
@@ -30,8 +30,10 @@ use crate::integrator::{Counters, Integrator};
 use crate::scene::Scene;
 use crate::texture::TexturePoint;
 
+mod lines;
 mod tree;
 
+pub(crate) use lines::Lines;
 pub(crate) use tree::{Point, Tree};
 
 /// Word that separates the random numbers of points from those of pixels.
@@ -54,8 +56,7 @@ const BATCH: u32 = 128;
 pub(crate) struct Site {
     /// Number of the set.
     pub set: u32,
-    center: Vec3,
-    radius: f32,
+    through: Lines,
     lines: u32,
     /// n \[1/L^2\].
     pub density: f64,
@@ -99,16 +100,10 @@ pub(crate) fn sites(scene: &Scene) -> Vec<Site> {
     let mut sites: Vec<Site> = sets
         .into_iter()
         .filter(|s| apart(s) && s.1.extent().length().is_finite())
-        .map(|(set, bounds)| Site {
-            set,
-            center: bounds.center(),
-            radius: 0.5001 * bounds.extent().length(),
-            lines: PILOT,
-            density: 0.0,
-        })
+        .map(|(set, bounds)| Site { set, through: Lines::around(bounds), lines: PILOT, density: 0.0 })
         .collect();
     // Areas by lines whose numbers depend on nothing but the scene.
-    let disc = |s: &Site| 2.0 * std::f64::consts::PI * f64::from(s.radius).powi(2);
+    let disc = |s: &Site| s.through.area();
     let areas: Vec<f64> = sites
         .par_iter()
         .map(|s| {
@@ -133,31 +128,25 @@ pub(crate) fn sites(scene: &Scene) -> Vec<Site> {
 impl Site {
     /// Returns a line through the ball and all its hits on the site's bodies, in order.
     fn meet(&self, scene: &Scene, rng: &mut Sampler) -> (Ray, Vec<Hit>) {
-        let (u, v) = (rng.uniform2(), rng.uniform2());
-        let (cos, phi) = (1.0 - 2.0 * u[0], 2.0 * std::f32::consts::PI * u[1]);
-        let sin = (1.0 - cos * cos).max(0.0).sqrt();
-        let frame = Frame::new(Vec3::new(sin * phi.cos(), sin * phi.sin(), cos));
-        let (r, (sin, cos)) = (self.radius * v[0].sqrt(), (2.0 * std::f32::consts::PI * v[1]).sin_cos());
-        let o = self.center + (frame.s * cos + frame.t * sin) * r - frame.n * self.radius;
-        let ray = Ray::new(o, frame.n).up_to(2.0 * self.radius);
-        let mut hits = Vec::new();
-        scene.accel.all_hits(&ray, |hit| {
-            if scene.objects[hit.shape as usize].set() == self.set {
-                hits.push(*hit);
-            }
-        });
-        hits.sort_by(|a, b| a.t.total_cmp(&b.t));
-        (ray, hits)
+        self.through.meet(scene, rng, |shape| scene.objects[shape as usize].set() == self.set)
     }
 }
 
 /// Returns the kernel of a site's medium at some place: the only one where coefficients are not textured.
 fn kernel<const N: usize>(scene: &Scene, site: &Site, wavelengths: &Wavelengths<N>) -> Option<Kernel> {
     let object = scene.objects.iter().find(|o| o.set() == site.set)?;
-    let at = TexturePoint { p: site.center, n: Vec3::Z, uv: Vec2::ZERO };
+    let at = TexturePoint { p: site.through.center, n: Vec3::Z, uv: Vec2::ZERO };
     let (bank, medium) = scene.bank_at(object, &at, wavelengths)?;
     let exit = Exit::new(bank, &medium, site.density)?;
     exit.has_points().then(|| Kernel::new(&exit, &medium))
+}
+
+/// Returns the variate of the wavelengths that all pixels share at a sample number: evenly spread within each of the independent scramblings, as the film takes their spread for the variance.
+pub(crate) fn wavelength(seed: u64, sample: u64) -> f32 {
+    const GOLDEN: f64 = 0.618_033_988_749_894_9;
+    let (index, scrambling) = (sample / SCRAMBLINGS, sample % SCRAMBLINGS);
+    let first = f64::from(Sampler::new(mix(seed, CLOUD), u32::MAX, u32::MAX, scrambling).uniform());
+    ((first + index as f64 * GOLDEN).fract() as f32).clamp(f32::EPSILON, 1.0 - f32::EPSILON)
 }
 
 impl Cloud {
@@ -175,10 +164,9 @@ impl Cloud {
     }
 
     fn follow<const N: usize>(scene: &Scene, integrator: &Integrator, sample: u64) -> Self {
-        let seed = mix(integrator.seed, CLOUD);
-        let wavelength = Sampler::new(seed, u32::MAX, u32::MAX, sample).uniform();
+        let wavelength = wavelength(integrator.seed, sample);
         let wavelengths = Wavelengths::<N>::sample(integrator.wavelengths, wavelength);
-        let seed = mix(seed, sample);
+        let seed = mix(mix(integrator.seed, CLOUD), sample);
         let (mut counters, mut invalid) = (Counters::default(), 0);
         let trees = scene
             .sites()

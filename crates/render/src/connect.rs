@@ -20,6 +20,7 @@ use crate::snag::Snag;
 use crate::texture::TexturePoint;
 use crate::through::{self, Ahead, Start, Through};
 use crate::touch;
+use crate::vertices::Seen;
 use crate::window::Window;
 
 /// Share of a shadow ray's length that is left out at its end, where the light itself is: a relative length.
@@ -229,6 +230,29 @@ fn opaque<const N: usize>(scene: &Scene, sample: LightSample<N>) -> Option<Light
     (alpha > 0.0).then(|| LightSample { radiance: sample.radiance * alpha, ..sample })
 }
 
+/// Samples a light from a point of a surface; returns its direction and the irradiance by it, where directions in proportion to the cosine compete.
+pub(crate) fn sampled<const N: usize>(
+    scene: &Scene,
+    from: &From<N>,
+    n: Vec3,
+    wavelengths: &Wavelengths<N>,
+    rng: &mut Sampler,
+    counters: &mut Counters,
+) -> Option<(Vec3, Spectrum<N>)> {
+    if scene.lights.is_empty() {
+        return None;
+    }
+    let u = [rng.uniform(), rng.uniform(), rng.uniform()];
+    let sample = opaque(scene, scene.lights.sample(from.p, Some(n), wavelengths, u)?)?;
+    let cos = sample.wi.dot(n);
+    if cos <= 0.0 || sample.radiance.is_black() {
+        return None;
+    }
+    let passage = transmittance(scene, from, sample.wi, sample.distance, wavelengths, rng, counters);
+    let chance = Spectrum::splat(cos * std::f32::consts::FRAC_1_PI);
+    (!passage.is_black()).then(|| (sample.wi, weighed(&sample, Spectrum::splat(cos), chance, &passage)))
+}
+
 /// Samples a light from a surface and adds its contribution; `arriving` is what else there is to say of light that enters a body of a model.
 pub(crate) fn at_surface<const N: usize>(
     scene: &Scene,
@@ -302,6 +326,8 @@ pub(crate) struct InMedium<'a, 'b, const N: usize> {
     pub through: Option<Through<'a>>,
     /// Searches for lamps without extent behind the object's boundary.
     pub manifold: Option<Manifold<'a>>,
+    /// Vertices of light's paths.
+    pub seen: Option<Seen<'a>>,
     /// Splitting by importance, the copies of the walker still to be followed, and where their flights begin.
     pub window: Option<Window<'a>>,
     pub copies: Vec<(Walker<N>, Start)>,
@@ -312,6 +338,13 @@ pub(crate) struct InMedium<'a, 'b, const N: usize> {
 }
 
 impl<const N: usize, P: PhaseFunction> Tally<N, Sampler, P> for InMedium<'_, '_, N> {
+    #[inline]
+    fn arrives(&mut self, walker: &Walker<N>, medium: &Medium<N, P>, rng: &mut Sampler) -> bool {
+        // What the flight was shared with has counted already.
+        let (Some(seen), Some(from)) = (&self.seen, self.interior.flown()) else { return true };
+        rng.uniform() >= seen.weight(medium, from.distance(walker.p), walker.room)
+    }
+
     #[inline]
     fn collision(&mut self, walker: &mut Walker<N>, medium: &Medium<N, P>, arrived: Spectrum<N>, rng: &mut Sampler) {
         if let Some(emission) = medium.emission {
@@ -365,6 +398,9 @@ impl<const N: usize, P: PhaseFunction> Tally<N, Sampler, P> for InMedium<'_, '_,
 
     #[inline]
     fn copies(&mut self, walker: &mut Walker<N>, rng: &mut Sampler) -> Option<u32> {
+        if let Some(seen) = &self.seen {
+            return seen.copies(walker);
+        }
         let window = self.window.as_ref()?;
         Some(window.copies(walker, rng, self.counters))
     }
@@ -413,7 +449,7 @@ impl<const N: usize, P: PhaseFunction> Tally<N, Sampler, P> for InMedium<'_, '_,
 
     #[inline]
     fn connects(&self) -> bool {
-        self.connects || self.through.is_some() || self.manifold.is_some()
+        self.connects || self.through.is_some() || self.manifold.is_some() || self.seen.is_some()
     }
 
     #[inline]
@@ -448,7 +484,7 @@ impl<const N: usize> Scattering<N> for Uniform {
 impl<const N: usize> InMedium<'_, '_, N> {
     /// Looks for light from a vertex where the walk has the weight `beta` before a direction is chosen.
     #[inline]
-    fn find_light<P>(
+    fn find_light<P: PhaseFunction>(
         &mut self,
         walker: &Walker<N>,
         medium: &Medium<N, P>,
@@ -462,6 +498,11 @@ impl<const N: usize> InMedium<'_, '_, N> {
             let start =
                 through.connect(walker, medium, beta, vertex, room, self.wavelengths, rng, self.light, self.counters);
             self.interior.set_start(start);
+        }
+        if let Some(seen) = &self.seen {
+            let light = seen.gather(walker.p, medium, beta, vertex, room, rng, self.counters);
+            self.light.add(walker.collisions + 1, light);
+            self.interior.set_flown(walker.p);
         }
         if let Some(manifold) = &self.manifold {
             let from = self.from(walker.p);

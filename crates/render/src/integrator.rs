@@ -28,11 +28,12 @@ use crate::snag::Snag;
 use crate::texture::TexturePoint;
 use crate::through::{Escape, Start, Through};
 use crate::touch;
+use crate::vertices::Vertices;
 use crate::window::Window;
 
 mod field;
 mod path;
-mod policy;
+pub(crate) mod policy;
 mod surface;
 
 pub use policy::Policy;
@@ -60,6 +61,8 @@ pub struct Integrator {
     cloud: Option<Arc<Cloud>>,
     /// Banks of exits for the samples around one number; from [`Integrator::for_sample`], and never needed: without them walks go flight by flight.
     balls: Option<Arc<Balls>>,
+    /// Vertices of light's paths for one sample number; from [`Integrator::for_sample`], and never needed.
+    vertices: Option<Arc<Vertices>>,
 }
 
 /// Radiance that a path collected, by number of collisions, and what it saw first.
@@ -197,28 +200,51 @@ pub(crate) struct Path<const N: usize> {
 impl Integrator {
     /// Returns the settings; all light is found by the paths themselves.
     pub fn new(seed: u64, wavelengths: WavelengthMode, roulette: Roulette, max_depth: Option<u32>) -> Self {
-        Self { seed, wavelengths, roulette, max_depth, policy: Policy::default(), cloud: None, balls: None }
+        Self {
+            seed,
+            wavelengths,
+            roulette,
+            max_depth,
+            policy: Policy::default(),
+            cloud: None,
+            balls: None,
+            vertices: None,
+        }
     }
 
     /// Returns the settings with a policy of exact walks.
     pub fn with_policy(self, policy: Policy) -> Self {
-        Self { policy, balls: None, ..self }
+        Self { policy, balls: None, vertices: None, ..self }
     }
 
     /// Returns the integrator for one sample number of all pixels: with points on the bodies that a model renders, if that pays, and banks of exits for jumps.
     ///
     /// A pure function of scene, settings and sample number; all threads take part in it.
     pub fn for_sample(&self, scene: &Scene, sample: u64) -> Self {
-        Self { cloud: Cloud::new(scene, self, sample).map(Arc::new), ..self.with_balls(scene, sample) }
+        let walks = self.for_walks(scene, sample);
+        // What falls on points is followed by paths without vertices.
+        let plain = Self { vertices: None, ..walks.clone() };
+        Self { cloud: Cloud::new(scene, &plain, sample).map(Arc::new), ..walks }
+    }
+
+    /// Returns the same without points: with what exact walks share.
+    pub(crate) fn for_walks(&self, scene: &Scene, sample: u64) -> Self {
+        let plain = Self { cloud: None, vertices: None, ..self.with_balls(scene, sample) };
+        Self { vertices: Vertices::new(scene, &plain, sample).map(Arc::new), ..plain }
     }
 
     /// Returns whether [`Integrator::for_sample`] has anything to prepare.
     pub(crate) fn prepares(&self, scene: &Scene) -> bool {
-        !scene.sites().is_empty() || !scene.wanted_balls(self.policy).is_empty()
+        !scene.sites().is_empty() || !scene.wanted_balls(self.policy).is_empty() || self.prepares_much(scene)
+    }
+
+    /// Returns whether it is too much to be kept for several sample numbers at a time.
+    pub(crate) fn prepares_much(&self, scene: &Scene) -> bool {
+        self.max_depth.is_none() && !scene.lit(self.policy).is_empty()
     }
 
     /// Returns the integrator with the banks of one sample number, its own if they serve that, too.
-    pub(crate) fn with_balls(&self, scene: &Scene, sample: u64) -> Self {
+    fn with_balls(&self, scene: &Scene, sample: u64) -> Self {
         let group = sample / balls::GROUP;
         match &self.balls {
             Some(b) if b.group == group => self.clone(),
@@ -226,14 +252,15 @@ impl Integrator {
         }
     }
 
-    /// Returns the points' variate of the wavelengths, if there are points.
+    /// Returns the variate of the wavelengths of points or vertices, if there are any.
     pub(crate) fn shared_wavelength(&self) -> Option<f32> {
-        self.cloud.as_ref().map(|c| c.wavelength)
+        self.vertices.as_ref().map(|v| v.wavelength).or(self.cloud.as_ref().map(|c| c.wavelength))
     }
 
-    /// Returns what making the points did: its counters, and the number of points whose light was not finite.
-    pub fn preparation(&self) -> Option<(&Counters, u64)> {
-        self.cloud.as_ref().map(|c| (&c.counters, c.invalid))
+    /// Returns what making points or vertices did: its counters, and the number of those whose light was not finite.
+    pub fn preparation(&self) -> impl Iterator<Item = (&Counters, u64)> {
+        let points = self.cloud.iter().map(|c| (&c.counters, c.invalid));
+        points.chain(self.vertices.iter().map(|v| (&v.counters, v.invalid)))
     }
 
     /// Follows one path from the camera and adds what it finds to `light`.
@@ -346,6 +373,10 @@ impl Integrator {
         }
 
         // Walk inside the medium until a wall leaves something to decide.
+        let seen = match (&self.vertices, matter) {
+            (Some(vertices), Matter::Homogeneous(_)) => vertices.seen_from(scene, &path.inside, &medium),
+            _ => None,
+        };
         let through = match self.max_depth {
             None => Through::new(scene, &path.inside, &medium, path.ambient.as_ref(), wavelengths),
             Some(_) => None,
@@ -354,8 +385,10 @@ impl Integrator {
         let interior = Interior::new(scene, &path.inside, self.max_depth.is_some(), path.standing, through);
         if let Some(start) = path.start.take() {
             interior.set_start(start);
+            interior.set_flown(path.walker.p);
         }
-        let guide = if scatterers.is_none() { self.guide(scene, &medium, &interior, path.walker.p) } else { None };
+        let guides = scatterers.is_none() && seen.is_none();
+        let guide = if guides { self.guide(scene, &medium, &interior, path.walker.p) } else { None };
         let splits = self.policy == Policy::Auto && !scene.hybrid && !scene.shifted && self.max_depth.is_none();
         let window = if splits && guide.is_none() && (through.is_some() || manifold.is_some()) {
             Window::new(scene, path.inside.innermost(), &medium, path.walker.p, wavelengths, rng)
@@ -377,6 +410,7 @@ impl Integrator {
             connects,
             through,
             manifold,
+            seen,
             window,
             copies: Vec::new(),
             unseen: 1.0,
@@ -384,7 +418,7 @@ impl Integrator {
         };
         let limits = classic::Limits { roulette: self.roulette, collisions: collisions.saturating_add(limit) };
         let jumps = match (self.policy, self.max_depth) {
-            _ if scene.hybrid || guide.is_some() => None,
+            _ if scene.hybrid || guide.is_some() || seen.is_some() => None,
             (_, None) if scene.shifted => Jumps::shifted(&medium),
             (Policy::Jump, None) => self.jumps(scene, &medium),
             (Policy::Auto, None) => self.jumps(scene, &medium).filter(|j| j.pays(interior.depth())),

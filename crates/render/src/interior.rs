@@ -75,6 +75,8 @@ pub(crate) struct Interior<'a> {
     /// Connections through the object's boundary, and where the present flight began.
     through: Option<Through<'a>>,
     began: Cell<Start>,
+    /// The collision where the present flight began, if none of its walls was met since.
+    flown: Cell<Option<Vec3>>,
     /// The last way out that was looked for, from where, and how far from there it is good.
     out: Cell<Option<(Vec3, Vec3, f32)>>,
     /// The wall that the last query found.
@@ -114,6 +116,7 @@ impl<'a> Interior<'a> {
             segments: Cell::new(0),
             through,
             began: Cell::new(Start::Wall),
+            flown: Cell::new(None),
             out: Cell::new(None),
             ahead: Cell::new(None),
         }
@@ -145,6 +148,18 @@ impl<'a> Interior<'a> {
     #[inline]
     pub fn began(&self) -> Start {
         self.began.get()
+    }
+
+    /// Notes the collision where the next flight begins.
+    #[inline]
+    pub fn set_flown(&self, from: Vec3) {
+        self.flown.set(Some(from));
+    }
+
+    /// Returns the collision where the present flight began, if no wall was met since.
+    #[inline]
+    pub fn flown(&self) -> Option<Vec3> {
+        self.flown.get()
     }
 
     /// Returns the point and the normals (geometric, of refraction) of the body's own smooth boundary, which the last query found ahead.
@@ -275,6 +290,7 @@ impl<const N: usize> Domain<N> for Interior<'_> {
         let wo = -walker.d;
         let pdf = walker.direction_pdf.take();
         let began = self.began.replace(Start::Wall);
+        self.flown.set(None);
         match cross(wo, ng, ns, eta, rng) {
             Crossing::Reflected(d) => walker.d = d,
             Crossing::Transmitted(d) => {

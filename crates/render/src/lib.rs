@@ -29,5 +29,6 @@ mod snag;
 pub mod texture;
 mod through;
 mod touch;
+mod vertices;
 pub mod walks;
 mod window;

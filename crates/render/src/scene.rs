@@ -26,6 +26,7 @@ use crate::material::Materials;
 use crate::media::{FieldAt, Matter, SceneMedium};
 use crate::nest::{Meeting, Nest};
 use crate::texture::{TexturePoint, Textures};
+use crate::vertices::{self, Lit};
 pub use error::SceneError;
 use instances::Built;
 pub use objects::build_shape;
@@ -217,10 +218,13 @@ pub struct Scene {
     /// Places of lights without a surface, which no jump may pass over.
     pub(crate) light_points: Vec<Vec3>,
     scatterers: Vec<Similar>,
-    /// Pixels of the whole picture.
+    /// Pixels of the whole picture, and along either side.
     pub(crate) pixels: f64,
+    pub(crate) resolution: [f32; 2],
     /// Laws of scattering with banks, per policy.
     wanted_balls: [OnceLock<Vec<Wanted>>; Policy::ALL.len()],
+    /// Bodies that light is followed into.
+    lit: OnceLock<Vec<Lit>>,
 }
 
 impl Scene {
@@ -285,7 +289,9 @@ impl Scene {
             light_points: points,
             scatterers,
             pixels: f64::from(d.film.width) * f64::from(d.film.height),
+            resolution: [d.film.width as f32, d.film.height as f32],
             wanted_balls: Default::default(),
+            lit: OnceLock::new(),
         };
         scene.sites = cloud::sites(&scene);
         let eye = scene.camera.origin();
@@ -302,6 +308,14 @@ impl Scene {
     /// Returns the laws of scattering for which walks by a policy want banks of exits, found at first use.
     pub(crate) fn wanted_balls(&self, policy: Policy) -> &[Wanted] {
         self.wanted_balls[policy as usize].get_or_init(|| balls::wanted(self, policy))
+    }
+
+    /// Returns the bodies that light is followed into where walks go by a policy, found at first use.
+    pub(crate) fn lit(&self, policy: Policy) -> &[Lit] {
+        match policy {
+            Policy::Auto => self.lit.get_or_init(|| vertices::bodies(self)),
+            Policy::Classic | Policy::Jump | Policy::Guided => &[],
+        }
     }
 
     /// Returns the bodies of a model on which points are placed.

@@ -70,14 +70,15 @@ pub fn render(
         if from >= end || stop.load(Ordering::Relaxed) {
             return statistics;
         }
-        let to = if prepares { end.min((from / CHUNK + 1) * CHUNK) } else { end };
+        let chunk = if integrator.prepares_much(scene) { 1 } else { CHUNK };
+        let to = if prepares { end.min((from / chunk + 1) * chunk) } else { end };
         let mut prepare = |s: u64| {
             last = last.for_sample(scene, s);
             last.clone()
         };
         let prepared: Vec<Integrator> =
             if prepares { (from..to).map(&mut prepare).collect() } else { vec![integrator.clone()] };
-        for (counters, invalid) in prepared.iter().filter_map(Integrator::preparation) {
+        for (counters, invalid) in prepared.iter().flat_map(Integrator::preparation) {
             statistics.counters.merge(counters);
             statistics.invalid += invalid;
         }

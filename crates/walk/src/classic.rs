@@ -1,5 +1,6 @@
 //! The plain walk: exact, with no other means than flights, collisions and walls.
 
+use moonmilk_core::random::Spread;
 use moonmilk_core::{Random, Vec3};
 
 use crate::domain::{Domain, Wall};
@@ -116,7 +117,8 @@ where
     let mut searched: Option<(Vec3, f32)> = None;
     loop {
         // Draw the free flight of the hero lane.
-        let t = math::exponential(rng.uniform()) * mean_free_path;
+        let u = walker.flight.take().unwrap_or_else(|| rng.uniform());
+        let t = math::exponential(u) * mean_free_path;
         let sight = tally.sight(walker);
         // Skip the wall query where the flight provably ends before any wall.
         if D::CHEAP_SEGMENTS || t >= walker.room || sight > 0.0 {
@@ -165,6 +167,9 @@ where
         walker.collisions += 1;
         if connects || jumps.is_some() {
             walker.room = domain.room(walker.p);
+        }
+        if !tally.arrives(walker, medium, rng) {
+            return Outcome::Ended;
         }
 
         // Leave a ball of simulated exits, where there is room for one, before anything is done here: what would be looked for is left to chance.
@@ -278,9 +283,15 @@ where
 
         // Turn by the phase function; the hero's density is every lane's.
         let arrived_along = walker.d;
-        let mut left = copies.unwrap_or(1);
+        let total = copies.unwrap_or(1);
+        let mut left = total;
+        // Spread the directions of several evenly over the law.
+        let mut spread = (total > 1).then(|| Spread::new(rng.uniform2(), total));
         loop {
-            let d = medium.scatter(arrived_along, rng);
+            let d = match &mut spread {
+                Some(spread) => medium.scatter(arrived_along, spread),
+                None => medium.scatter(arrived_along, rng),
+            };
             if connects {
                 walker.direction_pdf = Some(medium.phase(arrived_along, d));
                 walker.scatter_point = walker.p;

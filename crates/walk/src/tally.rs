@@ -15,6 +15,12 @@ pub trait Tally<const N: usize, R: Random, P = HenyeyGreenstein> {
     #[inline]
     fn flight(&mut self, _walker: &Walker<N>, _t: f32) {}
 
+    /// Called at each collision before anything else is done there; returns whether the walk arrives, or ends as what other strategies than it have counted.
+    #[inline]
+    fn arrives(&mut self, _walker: &Walker<N>, _medium: &Medium<N, P>, _rng: &mut R) -> bool {
+        true
+    }
+
     /// Called at each collision; `arrived` is the weight there per unit coefficient \[length\]: times sigma_s it continues,
     /// times sigma_a it is absorbed (or emitted).
     #[inline]

@@ -30,6 +30,8 @@ pub struct Walker<const N: usize> {
     pub eta_scale: f32,
     /// Lower bound of the distance from `p` to any wall; 0 if unknown \[length\].
     pub room: f32,
+    /// The variate of the next flight's length, where it is not to be drawn.
+    pub flight: Option<f32>,
     /// From where on this path takes the records of banks ([`crate::jump::Bank`]); `None` before it took any.
     pub deal: Option<u32>,
 }
@@ -49,6 +51,7 @@ impl<const N: usize> Walker<N> {
             collisions: 0,
             eta_scale: 1.0,
             room: 0.0,
+            flight: None,
             deal: None,
         }
     }

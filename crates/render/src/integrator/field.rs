@@ -40,6 +40,7 @@ impl Integrator {
             connects: !scene.lights.is_empty() && interior.connects(),
             through: None,
             manifold: None,
+            seen: None,
             window: None,
             copies: Vec::new(),
             unseen: 1.0,

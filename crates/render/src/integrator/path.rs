@@ -1,6 +1,6 @@
 //! Where a path stands, in which bodies and media it is, and how it goes on.
 
-use moonmilk_core::{Vec3, Wavelengths};
+use moonmilk_core::{Random, Sampler, Vec3, Wavelengths};
 use moonmilk_geometry::{Facing, Hit, NONE, Prim, Ray};
 use moonmilk_walk::Walker;
 
@@ -34,10 +34,14 @@ impl<const N: usize> Path<N> {
 
     /// Follows two walks from the camera's first boundary into a medium, of half the weight each: most of the noise is the walk's own, most of the rest of a sample's cost not. Where scattering
     /// is forward walks are split by importance instead.
-    pub(super) fn double(&mut self, counters: &mut Counters) {
+    pub(super) fn double(&mut self, rng: &mut Sampler, counters: &mut Counters) {
         if matches!(&self.medium, Some(Matter::Homogeneous(m)) if !m.sigma_s.is_black() && m.g < window::FORWARD) {
             self.walker.beta *= 0.5;
-            let other = Self { copies: Vec::new(), ..self.clone() };
+            let mut other = Self { copies: Vec::new(), ..self.clone() };
+            // One first flight from the shorter half of all, one from the longer.
+            let u = 0.5 * rng.uniform();
+            self.walker.flight = Some(u);
+            other.walker.flight = Some(0.5 + u);
             self.copies.push(other);
             counters.entered += u64::from(!self.inside.bodies().is_empty());
         }

@@ -46,6 +46,12 @@ impl Policy {
     }
 }
 
+/// Returns what guided walks need in a body of a depth, where they pay at p.
+pub(crate) fn guides<const N: usize>(scene: &Scene, medium: &Medium<N>, depth: f32, p: Vec3) -> Option<Guide<N>> {
+    // Light of lamps is what connections find, and it does not come from the nearest wall.
+    Guide::new(medium).filter(|g| g.pays(depth) && scene.lights.share_of_lamps(p) < MOST_OF_LAMPS)
+}
+
 impl Integrator {
     /// Returns what guided walks from p need, if walks are to be guided.
     pub(super) fn guide<const N: usize>(
@@ -60,9 +66,7 @@ impl Integrator {
         }
         match self.policy {
             Policy::Guided => Guide::new(medium),
-            // Light of lamps is what connections find, and it does not come from the nearest wall.
-            Policy::Auto => Guide::new(medium)
-                .filter(|g| g.pays(interior.depth()) && scene.lights.share_of_lamps(p) < MOST_OF_LAMPS)
+            Policy::Auto => guides(scene, medium, interior.depth(), p)
                 .filter(|g| g.beats_jumps() || self.jumps(scene, medium).is_none_or(|j| !j.pays(interior.depth()))),
             Policy::Classic | Policy::Jump => None,
         }

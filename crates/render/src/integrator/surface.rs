@@ -1,12 +1,12 @@
 //! What a path does at a surface.
 
-use moonmilk_core::{Frame, Random, Sampler, Spectrum, Wavelengths};
+use moonmilk_core::{Frame, Random, Sampler, Spectrum, Vec3, Wavelengths};
 use moonmilk_geometry::{Hit, Surface};
 use moonmilk_walk::{Medium, Walker};
 
 use super::{Counters, Integrator, Light, Path, Policy, SURE_BOUNCES, balance};
 use crate::bsdf::boundary::branches;
-use crate::bsdf::{Bsdf, Crossing, Kind, Shaded};
+use crate::bsdf::{Bsdf, Crossing, Kind, Shaded, lambert};
 use crate::bssrdf::{Arriving, Bank, Exit, Slant};
 use crate::connect;
 use crate::interior::Standing;
@@ -143,7 +143,7 @@ impl Integrator {
                     path.turn(d, None);
                     path.transmit(scene, object, hit, &point, wo.dot(surface.ng) <= 0.0, eta, wavelengths, counters);
                     if first && self.policy == Policy::Auto && self.max_depth.is_none() {
-                        path.double(counters);
+                        path.double(rng, counters);
                     }
                 }
             }
@@ -384,6 +384,57 @@ impl Integrator {
             self.follow(scene, &mut path, wavelengths, rng, &mut light, counters);
         }
         light.orders[0] + light.orders[1] + light.orders[2]
+    }
+
+    /// Returns light that falls on a body at a point of its surface, by one light sample and one path: directions towards where it comes from, and radiance times cosine over density, of which the sum is the irradiance.
+    pub(crate) fn falling<const N: usize>(
+        &self,
+        scene: &Scene,
+        hit: Hit,
+        surface: &Surface,
+        wavelengths: &Wavelengths<N>,
+        rng: &mut Sampler,
+        counters: &mut Counters,
+    ) -> [Option<(Vec3, Spectrum<N>)>; 2] {
+        let object = &scene.objects[hit.shape as usize];
+        let [.., around] = scene.around(&scene.nest_at(scene.camera.origin()), wavelengths);
+        let medium = scene.medium_outside(object, wavelengths, around);
+        let from = connect::From {
+            p: surface.p,
+            standing: Standing::Outside(Hit { t: 0.0, exiting: false, ..hit }),
+            medium,
+            ambient: medium,
+            inside: Nest::default(),
+        };
+        let sampled = connect::sampled(scene, &from, surface.ng, wavelengths, rng, counters);
+        // By chance, in proportion to the cosine.
+        let frame = Frame::new(surface.ng);
+        let wi = frame.to_world(lambert::sample_cosine(rng.uniform2()));
+        let cos = wi.dot(surface.ng);
+        if cos <= 0.0 {
+            return [sampled, None];
+        }
+        let mut path = Path {
+            walker: Walker::new(surface.p, wi),
+            medium,
+            ambient: medium,
+            inside: Nest::default(),
+            standing: from.standing,
+            normal: Some(surface.ng),
+            depth: 0,
+            bounces: 0,
+            seen: true,
+            whole: false,
+            escape: None,
+            start: None,
+            copies: Vec::new(),
+        };
+        path.walker.beta = Spectrum::splat(std::f32::consts::PI);
+        path.walker.direction_pdf = Some(cos * std::f32::consts::FRAC_1_PI);
+        let mut light = Light::default();
+        self.follow(scene, &mut path, wavelengths, rng, &mut light, counters);
+        let all = light.orders[0] + light.orders[1] + light.orders[2];
+        [sampled, Some((wi, all)).filter(|_| !all.is_black())]
     }
 
     /// Ends paths of little weight, keeping the mean.

@@ -182,7 +182,7 @@ fn an_audit_clears_guided_walks() {
         let (guided, plain) = (world.tracer().by(Policy::Guided), world.tracer());
         let found = audit(&guided.scene, &guided.integrator, &plain.scene, [0, 16, 0, 16], samples(64, 8));
         println!("{:+.4} +- {:.4}, worst block {:.1}", found.relative().0, found.relative().1, found.worst_block);
-        assert!(!found.differs() && !found.blocks_differ() && found.plain.n >= 64 * 256, "{found:?}");
+        assert!(!found.differs() && !found.blocks_differ() && found.pairs >= 64 * 256, "{found:?}");
         assert!(found.difference.std_err > 0.0);
     }
 }

@@ -202,7 +202,7 @@ fn an_audit_clears_jumps_and_tells_the_bias_of_approximations() {
     };
     let isotropic = world(0.0);
     let jumps = see(&isotropic.tracer().by(Policy::Jump), &isotropic.tracer(), 64);
-    assert!(!jumps.differs() && !jumps.blocks_differ() && jumps.plain.n >= 64 * 256, "{jumps:?}");
+    assert!(!jumps.differs() && !jumps.blocks_differ() && jumps.pairs >= 64 * 256, "{jumps:?}");
     assert!(jumps.difference.std_err > 0.0);
     let milk = world(0.8);
     let similar = see(&milk.similar(Similarity::First), &milk.tracer(), 256);

@@ -199,7 +199,7 @@ fn replays(mut tracer: Tracer) {
         let developed = film.develop(1.0);
         let mut replayed = Counters::default();
         let integrators = [0, 1, 2].map(|s| tracer.integrator.for_sample(&tracer.scene, first + s));
-        integrators.iter().filter_map(|i| i.preparation()).for_each(|p| replayed.merge(p.0));
+        integrators.iter().flat_map(|i| i.preparation()).for_each(|p| replayed.merge(p.0));
         for (i, pixel) in developed.rgb.iter().enumerate() {
             let at = [3 + i as u32 % 6, 5 + i as u32 / 6];
             let mut sum = [0.0f64; 3];

@@ -26,3 +26,4 @@ mod reciprocity;
 mod scale;
 mod similar;
 mod touching;
+mod vertices;

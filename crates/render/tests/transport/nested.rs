@@ -7,6 +7,7 @@ use moonmilk_core::{Mat4, Random, Stream, Vec3};
 use moonmilk_geometry::Mesh;
 use moonmilk_geometry::generate::{bumpy_sphere, cuboid};
 use moonmilk_render::description::GeometryDescription;
+use moonmilk_render::integrator::Policy;
 
 use crate::common::{
     KEEP_ALL, Tracer, World, assert_exact, ball, direction, flat, glow, measure, samples, uniform_ray,
@@ -97,7 +98,7 @@ fn a_path_that_left_a_body_unnoticed_finds_out_where_it_is() {
     let unit = ball(1.0);
     let mut world = pair([(&unit, 1.5, Some(2)), (&unit, 1.33, Some(1))]);
     show(&mut world, 1);
-    let tracer = world.tracer();
+    let tracer = world.tracer().by(Policy::Classic);
     let (o, d) = uniform_ray(31, 1_117_536, REACH);
     tracer.radiance(1_117_536, o, d);
     let c = tracer.counters();

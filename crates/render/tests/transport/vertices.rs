@@ -1,0 +1,170 @@
+//! Vertices of light's paths, shared by all pixels: the same means as by flights alone, white furnaces, and no difference in an audit.
+//!
+//! All pixels of a sample number share their vertices, so that its mean over pixels is one independent value.
+
+use moonmilk_core::{Mat4, Vec3, WavelengthMode};
+use moonmilk_geometry::generate::{bumpy_sphere, cuboid};
+use moonmilk_render::audit::audit;
+use moonmilk_render::description::{LightKind, MediumKind, SpectrumDescription};
+use moonmilk_render::integrator::{Counters, Integrator, Policy};
+use moonmilk_render::session;
+
+use crate::common::{World, assert_equal, assert_exact, ball, flat, measure, rectangle, rgb, samples, smooth};
+
+/// Adds a lamp above, to the right and nearer to the camera.
+fn lamp(mut world: World) -> World {
+    world.emitter(&flat(&cuboid(Vec3::new(0.9, 1.4, 0.6), Vec3::new(1.6, 1.8, 1.3))), 8.0);
+    world
+}
+
+/// Returns a scene with as many pixels as make vertices worth their while.
+fn fine(world: &World) -> World {
+    let mut world = world.clone();
+    let film = &mut world.0.film;
+    (film.width, film.height, film.crop) = (128, 128, [0, 128, 0, 128]);
+    world
+}
+
+/// Returns the picture's mean over n sample numbers by a policy, per channel, and asserts that light was followed into so many bodies at once or none.
+fn means(world: &World, policy: Policy, n: u64, lit: bool) -> [moonmilk_core::Estimate; 3] {
+    let scene = fine(world).scene();
+    let integrator =
+        Integrator::new(3 + policy as u64, WavelengthMode::Rgb, Default::default(), None).with_policy(policy);
+    assert_eq!(integrator.for_sample(&scene, 0).preparation().count(), usize::from(lit));
+    measure(n, |s| {
+        let integrator = integrator.for_sample(&scene, s);
+        let mut sum = [0.0f64; 3];
+        for pixel in (0..256).map(|i| [8 * (i % 16) + 3, 8 * (i / 16) + 3]) {
+            let rgb = session::sample(&scene, &integrator, pixel, s, &mut Counters::default()).rgb;
+            sum.iter_mut().zip(rgb).for_each(|(s, x)| *s += f64::from(x) / 256.0);
+        }
+        sum
+    })
+}
+
+/// Compares both policies.
+fn assert_same(what: &str, world: &World, n: u64) {
+    let n = samples(n, 4);
+    let [classic, auto] = [Policy::Classic, Policy::Auto].map(|p| means(world, p, n, p == Policy::Auto));
+    for (channel, (auto, classic)) in auto.into_iter().zip(classic).enumerate() {
+        assert_equal(&format!("{what}, channel {channel}"), auto, classic);
+    }
+}
+
+#[test]
+fn a_furnace_is_white_by_vertices() {
+    for (eta, g, smoothed) in [(1.5f32, 0.0f32, false), (1.0, 0.0, false), (1.4, 0.5, true), (1.3, -0.4, false)] {
+        let mut world = World::new();
+        let milk = world.medium(0.0, 8.0, g);
+        let boundary = world.dielectric(eta, 0.0);
+        let mesh = bumpy_sphere(2, 0.3);
+        world.body(&if smoothed { smooth(&mesh) } else { flat(&mesh) }, boundary, Some(milk), None);
+        // A room whose walls shine: under a sky alone flights are used.
+        for (axis, s, t) in [(Vec3::X, Vec3::Y, Vec3::Z), (Vec3::Y, Vec3::Z, Vec3::X), (Vec3::Z, Vec3::X, Vec3::Y)] {
+            world.emitter(&rectangle(5.0 * axis, 5.0 * t, 5.0 * s), 1.0);
+            world.emitter(&rectangle(-5.0 * axis, 5.0 * s, 5.0 * t), 1.0);
+        }
+        let all = means(&world, Policy::Auto, samples(300, 4), true);
+        for e in all {
+            assert_exact(&format!("furnace, eta {eta}, g {g}"), e, 1.0, 2e-6);
+        }
+    }
+}
+
+#[test]
+fn bodies_under_lamps_look_as_by_flights() {
+    for (eta, sigma_a, sigma_s, g) in
+        [(1.4f32, 0.1f32, 8.0f32, 0.0f32), (1.0, 0.1, 8.0, 0.0), (1.5, 1.0, 6.0, 0.5), (1.3, 0.2, 5.0, -0.4)]
+    {
+        let mut world = World::new();
+        let milk = world.medium(sigma_a, sigma_s, g);
+        let boundary = world.dielectric(eta, 0.0);
+        world.body(&smooth(&bumpy_sphere(2, 0.3)), boundary, Some(milk), None);
+        let floor = world.diffuse(0.5);
+        world.surface(&rectangle(Vec3::Y * -1.4, Vec3::Z * 3.0, Vec3::X * 3.0), floor);
+        let world = lamp(world).environment(0.3);
+        assert_same(&format!("milk under a lamp, {eta} {sigma_a} {sigma_s} {g}"), &world, 150);
+    }
+}
+
+#[test]
+fn colours_come_out_as_by_flights() {
+    // Lanes whose free paths differ by four, in two bodies at once.
+    let coloured = |a: [f32; 3], s: [f32; 3]| MediumKind::Homogeneous {
+        sigma_a: SpectrumDescription::Rgb(a),
+        sigma_s: SpectrumDescription::Rgb(s),
+        scale: 1.0,
+        g: 0.0,
+        emission: None,
+    };
+    let mut world = World::new();
+    let skin = world.medium_of(coloured([0.1, 0.4, 0.9], [3.0, 6.0, 11.0]));
+    let wax = world.medium_of(coloured([0.5, 0.1, 0.05], [8.0, 4.0, 2.0]));
+    let boundary = world.dielectric(1.4, 0.0);
+    world.body(&flat(&cuboid(Vec3::new(-1.2, -0.6, -0.3), Vec3::new(-0.1, 0.6, 0.3))), boundary, Some(skin), None);
+    world.body(&flat(&cuboid(Vec3::new(0.1, -0.6, -0.3), Vec3::new(1.2, 0.6, 0.3))), boundary, Some(wax), None);
+    assert_same("two colours", &lamp(world).environment(0.3), 200);
+}
+
+#[test]
+fn lights_without_extent_shine_in_as_by_flights() {
+    let mut world = World::new();
+    let milk = world.medium(0.1, 8.0, 0.0);
+    let boundary = world.dielectric(1.3, 0.0);
+    world.body(&ball(1.0), boundary, Some(milk), None);
+    world.light(LightKind::Point { from: Vec3::new(1.0, 2.0, 2.0), intensity: rgb(6.0) });
+    assert_same("milk under a point", &world.distant(Vec3::new(-1.0, 0.5, 1.0), 1.0), 100);
+}
+
+#[test]
+fn what_stands_on_a_table_and_what_hides_itself_looks_as_by_flights() {
+    // A slab on a table at the same height: walls coincide.
+    let mut world = World::new();
+    let wax = world.medium(0.1, 6.0, 0.0);
+    let boundary = world.dielectric(1.4, 0.0);
+    world.body(&flat(&cuboid(Vec3::new(-1.0, -0.5, -0.6), Vec3::new(1.0, 0.2, 0.6))), boundary, Some(wax), None);
+    let table = world.diffuse(0.7);
+    world.surface(&rectangle(Vec3::Y * -0.5, Vec3::Z * 3.0, Vec3::X * 3.0), table);
+    assert_same("wax on a table", &lamp(world).environment(0.3), 150);
+    // Deep folds: vertices behind walls, light that leaves and comes in again.
+    let mut world = World::new();
+    let wax = world.medium(0.05, 4.0, 0.0);
+    let boundary = world.dielectric(1.4, 0.0);
+    world.body(&flat(&bumpy_sphere(3, 0.8)), boundary, Some(wax), None);
+    world.emitter(&flat(&cuboid(Vec3::new(1.9, 1.9, 0.6), Vec3::new(2.6, 2.3, 1.3))), 20.0);
+    assert_same("folds", &world.environment(0.3), 150);
+}
+
+#[test]
+fn cameras_and_instances_inside_and_out_see_them_alike() {
+    // The eye inside, at (0, 0, 4).
+    let mut world = World::new();
+    let milk = world.medium(0.3, 3.0, 0.0);
+    let boundary = world.dielectric(1.3, 0.0);
+    let far = cuboid(Vec3::new(-0.8, -0.8, 2.9), Vec3::new(0.8, 0.8, 4.5));
+    world.body(&flat(&far), boundary, Some(milk), None);
+    assert_same("eye in milk", &lamp(world).environment(0.3), 100);
+    let mut world = World::new();
+    let milk = world.medium(0.2, 6.0, 0.3);
+    let boundary = world.dielectric(1.3, 0.0);
+    let first = world.body(&smooth(&bumpy_sphere(2, 0.3)), boundary, Some(milk), None);
+    let places = [Vec3::X, -Vec3::X].map(|x| Mat4::from_translation(0.7 * x) * Mat4::from_scale(Vec3::splat(0.5)));
+    world.instances(first, &places);
+    assert_same("two instances", &lamp(world).environment(0.3), 100);
+}
+
+#[test]
+fn an_audit_clears_vertices_by_sample_numbers() {
+    let mut world = World::new();
+    let milk = world.medium(0.1, 8.0, 0.0);
+    let boundary = world.dielectric(1.4, 0.0);
+    world.body(&flat(&bumpy_sphere(2, 0.3)), boundary, Some(milk), None);
+    let world = fine(&lamp(world).environment(0.3));
+    let (scene, plain) = (world.scene(), world.scene());
+    let integrator = Integrator::new(5, WavelengthMode::Hero, Default::default(), None);
+    let n = samples(24, 4);
+    let found = audit(&scene, &integrator, &plain, [40, 56, 48, 64], n);
+    println!("{:+.4} +- {:.4}, worst block {:.1}", found.relative().0, found.relative().1, found.worst_block);
+    assert!(!found.differs() && !found.blocks_differ(), "{found:?}");
+    assert!(found.difference.n == n && found.pairs == 256 * n && found.difference.std_err > 0.0);
+}
