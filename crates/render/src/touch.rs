@@ -17,7 +17,7 @@ use crate::nest::Nest;
 use crate::scene::{Object, Scene};
 
 /// How far the search goes to either side of a wall [slack of either object]: each may be off by one of its own.
-const REACH: f32 = 3.0;
+pub(crate) const REACH: f32 = 3.0;
 
 /// How far off a wall that coincides with the one stood on may be met [slack of either object]: a thousandth of a right angle above it.
 const GRAZING: f32 = 1000.0;

@@ -9,9 +9,9 @@
 //! and where its own next flight ends in a collision at a distance r without a wall between, it goes on with probability 1 - w(r) alone. All paths of a number of collisions are so shared between as many
 //! strategies as they have collisions, with weights that sum to 1, whatever the function w. It is the balance heuristic against what is typical:
 //!
-//! $$ w(r) = \frac{n}{n + q(r) / 2}, \qquad q(r) = \frac{\sigma_t\, e^{-\sigma_t r}}{4 \pi r^2}, $$
+//! $$ w(r) = \frac{n}{n + 2 q(r)}, \qquad q(r) = \frac{\sigma_t\, e^{-\sigma_t r}}{4 \pi r^2}, $$
 //!
-//! n the mean number of vertices per volume; w / r^2 has no pole, and no vertex contributes more than 2 / (n q) times what a flight would. So a path of the camera ends after some two collisions, whatever the body's density, and sees a
+//! n the mean number of vertices per volume (less in the depth, where they are thinned out); w / r^2 has no pole, and no vertex contributes more than half of what a flight would that ends at it. So a path of the camera ends after some two collisions, whatever the body's density, and sees a
 //! mean over hundreds of vertices: bidirectional path tracing with a cache of light vertices \[Davidovic2014\], whose far vertices are
 //! thinned by a tree without bias.
 //!
@@ -73,8 +73,6 @@ const FADE: f32 = 0.5;
 /// Depth from which vertices are thinned out, and the least share of them that is kept [mean free paths].
 const SHALLOW: f32 = 1.5;
 const FEWEST: f32 = 0.05;
-/// Share of a body's least extent by which others may reach into its box.
-const TOUCH: f32 = 1e-3;
 /// Share of a segment that is looked along: its end is no wall.
 const END: f32 = 1.0 - 1e-4;
 
@@ -162,6 +160,11 @@ pub(crate) fn bodies(scene: &Scene) -> Vec<Lit> {
         let scatters = !medium.sigma_s.is_black() && medium.emission.is_none() && medium.g.abs() < window::FORWARD;
         let guided = || policy::guides(scene, &medium, scene.room(shape).depth(), o.reach.center()).is_some();
         let refracts = matches!(o.boundary, Boundary::Smooth { .. });
+        // What connections do not find they must not share.
+        let perturbed = scene.materials.perturbs_normals(o.material);
+        if refracts && (scene.lights.has_hidden() || perturbed && scene.lights.has_unseen()) {
+            return None;
+        }
         let lamps = !refracts || scene.lights.share_of_lamps(o.reach.center()) > LAMPS;
         (scatters && lamps && !guided()).then_some((shape, medium))
     };
@@ -218,8 +221,8 @@ fn pixels(scene: &Scene, bodies: &[(u32, Medium<4>)]) -> Vec<f64> {
 /// Returns whether nothing but its medium is inside a body, as far as boxes can tell.
 fn is_empty(scene: &Scene, shape: u32) -> bool {
     let bounds = scene.accel.shape_bounds(shape);
-    // What touches it is outside.
-    let core = bounds.grown(-TOUCH * bounds.extent().min_element());
+    // What touches it within rounding is outside.
+    let core = bounds.grown(-touch::REACH * scene.objects[shape as usize].touch);
     let other = |i: u32| i != shape && scene.accel.shape_bounds(i).overlaps(&core);
     !(0..scene.objects.len() as u32).any(other) && !scene.light_points.iter().any(|&p| core.contains(p))
 }

@@ -85,6 +85,11 @@ impl Lights {
         self.unseen.total() > 0.0 || self.distant.iter().any(|d| d.importance(None) > 0.0)
     }
 
+    /// Returns whether there are lamps of opacity 0, which no ray meets.
+    pub fn has_hidden(&self) -> bool {
+        self.placed.iter().any(|p| matches!(p, super::Placed::Surface { cut: super::Cut::Hidden, .. }))
+    }
+
     /// Chooses a light without extent for a point that its light may reach on bent ways, and returns it with the probability of that choice, which is positive for
     /// all that shine. The second and third variate only give the first more digits.
     pub fn choose_unseen(&self, p: Vec3, u: [f32; 3]) -> Option<(Lamp, f32)> {

@@ -154,6 +154,40 @@ fn cameras_and_instances_inside_and_out_see_them_alike() {
 }
 
 #[test]
+fn where_flights_find_less_or_something_is_inside_there_are_no_vertices() {
+    let made = |world: &World| {
+        let integrator = Integrator::new(5, WavelengthMode::Hero, Default::default(), None);
+        let count = integrator.for_sample(&world.scene(), 0).preparation().count();
+        // A limit of bounces, and plain walks, do without.
+        let limited = Integrator::new(5, WavelengthMode::Hero, Default::default(), Some(9));
+        assert_eq!(limited.for_sample(&world.scene(), 0).preparation().count(), 0);
+        let classic = integrator.with_policy(Policy::Classic);
+        assert_eq!(classic.for_sample(&world.scene(), 0).preparation().count(), 0);
+        count
+    };
+    let body = |g: f32, sigma_s: f32| {
+        let mut world = World::new();
+        let milk = world.medium(0.1, sigma_s, g);
+        let boundary = world.dielectric(1.4, 0.0);
+        world.body(&flat(&bumpy_sphere(2, 0.3)), boundary, Some(milk), None);
+        fine(&world)
+    };
+    assert_eq!(made(&lamp(body(0.0, 8.0))), 1);
+    // Under a sky alone, forward scattering, too dense for the picture.
+    assert_eq!(made(&body(0.0, 8.0).environment(1.0)), 0);
+    assert_eq!(made(&lamp(body(0.8, 8.0))), 0);
+    assert_eq!(made(&lamp(body(0.0, 80.0))), 0);
+    // A table that reaches into its box, and a lamp that no ray meets.
+    let mut sunk = lamp(body(0.0, 8.0));
+    let table = sunk.diffuse(0.5);
+    sunk.surface(&rectangle(Vec3::Y * -0.9, Vec3::Z * 3.0, Vec3::X * 3.0), table);
+    assert_eq!(made(&sunk), 0);
+    let mut hidden = lamp(body(0.0, 8.0));
+    hidden.0.shapes.last_mut().unwrap().alpha = Some(hidden.float(0.0));
+    assert_eq!(made(&hidden), 0);
+}
+
+#[test]
 fn an_audit_clears_vertices_by_sample_numbers() {
     let mut world = World::new();
     let milk = world.medium(0.1, 8.0, 0.0);
