@@ -25,8 +25,12 @@ fn all_layers_are_there_and_mean_what_they_say() {
         let rgb = ["R", "G", "B"];
         let layer = |name: &str| rgb.map(|c| channel(&p, &format!("{name}.{c}")));
         let colour = rgb.map(|c| channel(&p, c));
-        assert_eq!(p.channels.len(), 3 + 3 + 3 + 1 + 3 + 9 + 3 + 3);
+        assert_eq!(p.channels.len(), 3 + 3 + 3 + 1 + 3 + 3 + 9 + 3 + 3);
         let (albedo, variance) = (layer("Albedo"), layer("Variance"));
+        // Means over blocks are alike within a block, and no noisier than pixels are on the mean.
+        let blocks = layer("BlockVariance");
+        assert!((0..3).all(|c| blocks[c][0] == blocks[c][1] && blocks[c].iter().all(|v| *v >= 0.0)));
+        assert!((0..3).all(|c| blocks[c].iter().sum::<f32>() < variance[c].iter().sum::<f32>()));
         let normal = ["Ns.X", "Ns.Y", "Ns.Z"].map(|c| channel(&p, c));
         let depth = channel(&p, "Depth.Z");
         let (subsurface, diffuse) = (layer("Subsurface"), layer("Diffuse"));
