@@ -393,15 +393,9 @@ struct Recorder<'a, const N: usize> {
 
 /// Returns a spectrum with its first lane exchanged for another, which undoes itself.
 fn exchanged<const N: usize>(s: Spectrum<N>, first: usize) -> Spectrum<N> {
-    Spectrum::from_fn(|k| {
-        s[if k == 0 {
-            first
-        } else if k == first {
-            0
-        } else {
-            k
-        }]
-    })
+    let mut lanes = s.0;
+    lanes.swap(0, first);
+    Spectrum(lanes)
 }
 
 impl<const N: usize, P: PhaseFunction> Tally<N, Sampler, P> for Recorder<'_, N> {

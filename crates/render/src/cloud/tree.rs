@@ -24,17 +24,12 @@ pub(crate) struct Point<D = ()> {
 impl Point {
     /// Returns a point of a surface and the light that enters there; `None` if that is not finite.
     pub fn new<const N: usize>(p: Vec3, light: Spectrum<N>) -> Option<Self> {
-        Self::knowing(p, light, ())
+        let light = std::array::from_fn(|k| if k < N { light[k] } else { 0.0 });
+        light.iter().all(|l: &f32| l.is_finite()).then_some(Self { p, light, with: () })
     }
 }
 
 impl<D> Point<D> {
-    /// Returns a point; `None` if its light is not finite.
-    pub fn knowing<const N: usize>(p: Vec3, light: Spectrum<N>, with: D) -> Option<Self> {
-        let light = std::array::from_fn(|k| if k < N { light[k] } else { 0.0 });
-        light.iter().all(|l: &f32| l.is_finite()).then_some(Self { p, light, with })
-    }
-
     fn weight(&self) -> f32 {
         self.light.iter().map(|l| l.abs()).sum()
     }

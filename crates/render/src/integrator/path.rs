@@ -7,12 +7,37 @@ use moonmilk_walk::Walker;
 use super::{Counters, Path};
 use crate::interior::Standing;
 use crate::media::Matter;
+use crate::nest::Nest;
 use crate::scene::{Object, Scene};
 use crate::texture::TexturePoint;
 use crate::through::Start;
 use crate::window;
 
 impl<const N: usize> Path<N> {
+    /// Returns a path that looks for light from a point outside all bodies.
+    pub(super) fn outside(
+        walker: Walker<N>,
+        medium: Option<Matter<N>>,
+        standing: Standing,
+        normal: Option<Vec3>,
+    ) -> Self {
+        Self {
+            walker,
+            medium,
+            ambient: medium,
+            inside: Nest::default(),
+            standing,
+            normal,
+            depth: 0,
+            bounces: 0,
+            seen: true,
+            whole: false,
+            escape: None,
+            start: None,
+            copies: Vec::new(),
+        }
+    }
+
     /// Returns the path of a copy of its walker that flies on from a collision in the medium, of a walk that began with a number of collisions.
     pub(super) fn copy(&self, walker: Walker<N>, start: Start, collisions: u32) -> Self {
         Self {

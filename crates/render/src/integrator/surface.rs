@@ -364,21 +364,7 @@ impl Integrator {
         };
         let [.., around] = scene.around(&scene.nest_at(scene.camera.origin()), wavelengths);
         let medium = scene.medium_outside(object, wavelengths, around);
-        let mut path = Path {
-            walker: Walker::new(surface.p, -surface.ng),
-            medium,
-            ambient: medium,
-            inside: Nest::default(),
-            standing: Standing::Space,
-            normal: None,
-            depth: 0,
-            bounces: 0,
-            seen: true,
-            whole: false,
-            escape: None,
-            start: None,
-            copies: Vec::new(),
-        };
+        let mut path = Path::outside(Walker::new(surface.p, -surface.ng), medium, Standing::Space, None);
         let mut light = Light::default();
         if self.receive(scene, &mut path, bank, None, hit, surface, wavelengths, rng, &mut light, counters) {
             self.follow(scene, &mut path, wavelengths, rng, &mut light, counters);
@@ -414,21 +400,7 @@ impl Integrator {
         if cos <= 0.0 {
             return [sampled, None];
         }
-        let mut path = Path {
-            walker: Walker::new(surface.p, wi),
-            medium,
-            ambient: medium,
-            inside: Nest::default(),
-            standing: from.standing,
-            normal: Some(surface.ng),
-            depth: 0,
-            bounces: 0,
-            seen: true,
-            whole: false,
-            escape: None,
-            start: None,
-            copies: Vec::new(),
-        };
+        let mut path = Path::outside(Walker::new(surface.p, wi), medium, from.standing, Some(surface.ng));
         path.walker.beta = Spectrum::splat(std::f32::consts::PI);
         path.walker.direction_pdf = Some(cos * std::f32::consts::FRAC_1_PI);
         let mut light = Light::default();
