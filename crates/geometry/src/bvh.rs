@@ -9,7 +9,7 @@
 //! transient memory) and joined under a root node.
 
 use moonmilk_core::Vec3;
-use moonmilk_core::glam::{UVec2, UVec3, Vec3A, Vec4};
+use moonmilk_core::glam::{UVec2, UVec3, Vec3A};
 use obvhs::Boundable;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
@@ -19,6 +19,7 @@ use obvhs::cwbvh::{CwBvh, Traversal};
 use obvhs::ploc::{PlocBuilder, PlocSearchDistance, SortPrecision};
 use obvhs::traverse;
 use rayon::prelude::*;
+use wide::{f32x8, i16x8, i32x8, u8x16};
 
 use crate::bounds::Bounds;
 
@@ -59,11 +60,12 @@ impl BoxRay {
     }
 }
 
-/// Converts eight bytes to two groups of four lanes.
+/// Converts eight bytes to eight lanes.
 #[inline(always)]
-fn lanes(q: &[u8; 8]) -> [Vec4; 2] {
-    let f = q.map(f32::from);
-    [Vec4::from_slice(&f[0..4]), Vec4::from_slice(&f[4..8])]
+fn lanes(q: &[u8; 8]) -> f32x8 {
+    let mut bytes = [0; 16];
+    bytes[..8].copy_from_slice(q);
+    i32x8::from_i16x8(i16x8::from_u8x16_low(u8x16::new(bytes))).round_float()
 }
 
 /// Returns obvhs' hit mask of the children that a ray may meet before `t_max`.
@@ -77,23 +79,17 @@ pub(crate) fn hit_children(node: &CwBvhNode, ray: &BoxRay, t_max: f32, oct_inv4:
     let (scale, base) = (e * ray.inv, base * ray.inv);
     let (low, high) = (base - slack, base + slack);
 
-    let pick = |negative: bool, a, b| {
-        if negative { (lanes(b), lanes(a)) } else { (lanes(a), lanes(b)) }
+    let planes = |negative: bool, min, max, scale: f32, low: f32, high: f32| {
+        let (near, far) = if negative { (max, min) } else { (min, max) };
+        let scale = f32x8::splat(scale);
+        (lanes(near).mul_add(scale, f32x8::splat(low)), lanes(far).mul_add(scale, f32x8::splat(high)))
     };
-    let (x0, x1) = pick(ray.negative[0], &node.child_min_x, &node.child_max_x);
-    let (y0, y1) = pick(ray.negative[1], &node.child_min_y, &node.child_max_y);
-    let (z0, z1) = pick(ray.negative[2], &node.child_min_z, &node.child_max_z);
-    let [sx, sy, sz] = [scale.x, scale.y, scale.z].map(Vec4::splat);
-    let mut mask = 0;
-    for i in 0..2 {
-        let near = (x0[i] * sx + Vec4::splat(low.x))
-            .max(y0[i] * sy + Vec4::splat(low.y))
-            .max((z0[i] * sz + Vec4::splat(low.z)).max(Vec4::splat(ray.t_low)));
-        let far = (x1[i] * sx + Vec4::splat(high.x))
-            .min(y1[i] * sy + Vec4::splat(high.y))
-            .min((z1[i] * sz + Vec4::splat(high.z)).min(Vec4::splat(t_max)));
-        mask |= near.cmple(far).bitmask() << (4 * i);
-    }
+    let (x0, x1) = planes(ray.negative[0], &node.child_min_x, &node.child_max_x, scale.x, low.x, high.x);
+    let (y0, y1) = planes(ray.negative[1], &node.child_min_y, &node.child_max_y, scale.y, low.y, high.y);
+    let (z0, z1) = planes(ray.negative[2], &node.child_min_z, &node.child_max_z, scale.z, low.z, high.z);
+    let near = x0.fast_max(y0).fast_max(z0.fast_max(f32x8::splat(ray.t_low)));
+    let far = x1.fast_min(y1).fast_min(z1.fast_min(f32x8::splat(t_max)));
+    let mut mask = near.simd_le(far).to_bitmask();
 
     // Gather the bits in obvhs' order: internal children by octant priority, leaves by primitive.
     let (child_bits, bit_index) = node.get_child_and_index_bits(oct_inv4);
