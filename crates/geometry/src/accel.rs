@@ -148,6 +148,13 @@ impl Accel {
         Body { instance, first: group.first[start], end: group.first[end], slack }
     }
 
+    /// Returns the corners of a triangle of a shape in the world; `None` for a quadric.
+    pub fn corners(&self, shape: u32, triangle: u32) -> Option<[Vec3; 3]> {
+        let (shape, placed) = self.placed(shape);
+        let corners = shape.mesh()?.corners(triangle);
+        Some(placed.map_or(corners, |placed| corners.map(|v| placed.point(v))))
+    }
+
     /// Returns the bytes held: leaves, trees and the shapes' own arrays; of each object once.
     pub fn memory(&self) -> usize {
         let rooms = self.rooms.iter().flatten().filter_map(OnceLock::get).map(|c| c.memory()).sum::<usize>();

@@ -18,7 +18,7 @@ use crate::nest::Nest;
 use crate::scene::{Object, Scene};
 use crate::snag::Snag;
 use crate::texture::TexturePoint;
-use crate::through::{self, Ahead, Start, Through};
+use crate::through::{self, Ahead, Start, Through, Within};
 use crate::touch;
 use crate::vertices::Seen;
 use crate::window::Window;
@@ -457,12 +457,13 @@ impl<const N: usize, P: PhaseFunction> Tally<N, Sampler, P> for InMedium<'_, '_,
         self.through.as_ref().map_or(0.0, |t| t.sight(&self.interior.began(), walker.p, walker.d))
     }
 
-    fn glimpse(&mut self, walker: &Walker<N>, medium: &Medium<N, P>, t: f32) {
+    fn glimpse(&mut self, walker: &Walker<N>, medium: &Medium<N, P>, t: f32, rng: &mut Sampler) {
         let Some(through) = &self.through else { return };
         let ray = Ray::new(walker.p, walker.d);
         if let Some((hit, p, ng, ns)) = self.interior.ahead(&ray) {
             let at = Ahead { hit, t, p, ng, ns };
-            through.look(walker, medium, &self.interior.began(), &at, self.wavelengths, self.light, self.counters);
+            let (began, within) = (self.interior.began(), self.within());
+            through.look(walker, medium, &began, &at, &within, self.wavelengths, rng, self.light, self.counters);
         }
     }
 }
@@ -481,7 +482,12 @@ impl<const N: usize> Scattering<N> for Uniform {
     }
 }
 
-impl<const N: usize> InMedium<'_, '_, N> {
+impl<'b, const N: usize> InMedium<'_, 'b, N> {
+    /// Returns where the walk is.
+    fn within(&self) -> Within<'b, N> {
+        Within { nest: self.inside, ambient: self.ambient }
+    }
+
     /// Looks for light from a vertex where the walk has the weight `beta` before a direction is chosen.
     #[inline]
     fn find_light<P: PhaseFunction>(
@@ -495,8 +501,8 @@ impl<const N: usize> InMedium<'_, '_, N> {
         // Walks in homogeneous media know it already.
         let room = if walker.room > 0.0 { walker.room } else { self.interior.room_at(walker.p) };
         if let Some(through) = &self.through {
-            let start =
-                through.connect(walker, medium, beta, vertex, room, self.wavelengths, rng, self.light, self.counters);
+            let (w, within) = (self.wavelengths, self.within());
+            let start = through.connect(walker, medium, beta, vertex, room, &within, w, rng, self.light, self.counters);
             self.interior.set_start(start);
         }
         if let Some(seen) = &self.seen {

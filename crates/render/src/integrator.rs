@@ -187,6 +187,8 @@ pub(crate) struct Path<const N: usize> {
     pub bounces: u32,
     /// Whether a surface was seen.
     pub seen: bool,
+    /// Whether anything on its way has scattered it: only then lamps of opacity 0 count that it passes. Collisions are counted elsewhere.
+    pub scattered: bool,
     /// Whether the next smooth boundary may be followed on both branches: true up to the first one.
     pub whole: bool,
     /// The boundary that the last flight left through, where connections compete for the light that it meets next.
@@ -287,6 +289,7 @@ impl Integrator {
             depth: 0,
             bounces: 0,
             seen: false,
+            scattered: false,
             whole: true,
             escape: None,
             start: None,

@@ -142,6 +142,8 @@ pub struct Object {
     pub volume: f64,
     /// How far rounding may move its walls and those of objects that it may touch \[length\]; 0 if there are none.
     pub touch: f32,
+    /// Whether it is a refractive body that light gets through without scattering: connections lead on through its boundary.
+    pub clear: bool,
     /// Number of the profiles that render it, if it is not walked through.
     bank: Option<u32>,
     /// Number of the set of bodies that act as one with it.
@@ -223,6 +225,8 @@ pub struct Scene {
     pub(crate) resolution: [f32; 2],
     /// Laws of scattering with banks, per policy.
     wanted_balls: [OnceLock<Vec<Wanted>>; Policy::ALL.len()],
+    /// Whether there are clear bodies ([`Object::clear`]).
+    pub(crate) has_clear: bool,
     /// Bodies that light is followed into.
     lit: OnceLock<Vec<Lit>>,
 }
@@ -291,12 +295,34 @@ impl Scene {
             pixels: f64::from(d.film.width) * f64::from(d.film.height),
             resolution: [d.film.width as f32, d.film.height as f32],
             wanted_balls: Default::default(),
+            has_clear: false,
             lit: OnceLock::new(),
         };
+        scene.find_clear();
         scene.sites = cloud::sites(&scene);
         let eye = scene.camera.origin();
         scene.eye = (eye, scene.free_radius(eye), scene.nest_at(eye));
         Ok((scene, warnings))
+    }
+
+    /// Marks the clear bodies.
+    fn find_clear(&mut self) {
+        let scatters = |side| match side {
+            Side::Same | Side::Vacuum => false,
+            Side::Own => true,
+            Side::Medium(id) => match self.medium(id, &Wavelengths::<3>::Channels { channel: [0, 1, 2] }) {
+                Some(Matter::Homogeneous(m)) => !m.sigma_s.is_black(),
+                Some(_) => true,
+                None => false,
+            },
+        };
+        let is_clear = |o: &Object| {
+            let refracts = matches!(o.boundary, Boundary::Smooth { eta } if eta != 1.0);
+            refracts && o.body.is_some() && o.alpha.is_none() && o.bank.is_none() && !o.fibre && !scatters(o.inside)
+        };
+        let clear: Vec<bool> = self.objects.iter().map(is_clear).collect();
+        self.has_clear = clear.contains(&true);
+        self.objects.iter_mut().zip(clear).for_each(|(o, clear)| o.clear = clear);
     }
 
     /// Returns the profiles that render an object, if it is not walked through.

@@ -26,14 +26,14 @@
 //! beta p_c T P' L / (p_F P' / P + p_c) by either. Every term is at most beta L: no fireflies.
 //!
 //! *Which flights.* Those that start at a collision, arrive at the body's own boundary within [`REACH`] mean free paths, and
-//! whose refracted ray meets a light, or nothing but an environment, first of all. Others are found by chance (or a look) alone and count in full.
+//! whose refracted ray meets a light, or nothing but an environment, at once or through clear bodies (`through/onward.rs`). Others are found by chance (or a look) alone and count in full.
 //!
 //! *Cost.* A connection is made with probability q at a collision, the less the deeper it lies; q multiplies p_F everywhere. The
 //! frame is a function of the collision point and of random numbers drawn there, so that a chance hit, which is rare, can make
 //! the frame of its flight afterwards.
 //!
 //! Lights with a surface take part, and environments that are not even: these count as a whole, at the end of every ray that meets nothing else, and what is even stays with chance, weight
-//! and all. Lights without extent are solved for ([`crate::manifold`]); lamps of opacity 0, which no ray meets, are not found.
+//! and all. Lamps of opacity 0 are found where rays pass them. Lights without extent are solved for ([`crate::manifold`]).
 
 use moonmilk_core::{Random, Sampler, Spectrum, Stream, Vec3, Wavelengths};
 use moonmilk_geometry::{Facing, Hit, Ray};
@@ -43,15 +43,16 @@ use moonmilk_walk::{Medium, Walker};
 use crate::bsdf::Crossing;
 use crate::bsdf::boundary::branches;
 use crate::integrator::{Counters, Light, balance};
-use crate::interior::Standing;
 use crate::lights::Target;
 use crate::media::Matter;
-use crate::nest::{Inside, Nest};
+use crate::nest::{Inside, Meeting, Nest};
 use crate::scene::{Boundary, Scene};
 
 mod frame;
+mod onward;
 
 use frame::{Aim, Frame};
+pub(crate) use onward::{Within, is_clear, transmitted};
 
 /// Longest flight that connections and looks compete for [mean free paths of the hero]; longer ones carry exp(-8) and are left to chance.
 const REACH: f32 = 8.0;
@@ -117,22 +118,30 @@ pub(crate) struct Ahead {
     pub ns: Vec3,
 }
 
-/// A path that left through a smooth boundary, and what else has found the light that it meets first.
+/// A path that left through a smooth boundary, and what else has found the light that it leads to.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum Escape {
+pub(crate) struct Escape {
+    rival: Rival,
+    /// Boundaries and lamps of opacity 0 that it has passed since.
+    passed: u32,
+}
+
+/// What else has found the light that a path leads to.
+#[derive(Clone, Copy, Debug)]
+enum Rival {
     /// The look of its last flight counted that light.
     Seen,
     /// Connections compete.
     Chance {
         object: u32,
-        eta: f32,
+        index: f32,
         sigma_t: f32,
         start: Near,
         /// Direction of the last flight inside.
         omega: Vec3,
         /// p_c T: density of that direction times the mean probability of getting through.
         pdf: f32,
-        /// Total probability of the boundary's transmitted outcomes.
+        /// Total probability of the transmitted outcomes, of the body's own boundary and all since.
         transmitted: f32,
     },
 }
@@ -140,14 +149,23 @@ pub(crate) enum Escape {
 impl Escape {
     /// Returns the share of a light that this path met by chance.
     pub fn share<const N: usize>(&self, scene: &Scene, w: &Wavelengths<N>, counters: &mut Counters) -> f32 {
-        match *self {
-            Self::Seen => 0.0,
-            Self::Chance { object, eta, sigma_t, start, omega, pdf, transmitted } => {
-                let through = Through::of(scene, object, eta, sigma_t);
+        match self.rival {
+            Rival::Seen => 0.0,
+            Rival::Chance { object, index, sigma_t, start, omega, pdf, transmitted } => {
+                let through = Through::of(scene, object, index, index, sigma_t);
                 let aim = through.aim(&start, w, counters);
                 aim.map_or(1.0, |a| balance(pdf, start.q * a.density(scene, omega) / transmitted))
             }
         }
+    }
+
+    /// Returns the same beyond a boundary with that total probability of transmission, or a lamp of opacity 0 (1); `None` where nothing else leads there.
+    pub fn beyond(mut self, total: f32) -> Option<Self> {
+        self.passed += 1;
+        if let Rival::Chance { transmitted, .. } = &mut self.rival {
+            *transmitted *= total;
+        }
+        (self.passed <= onward::MOST).then_some(self)
     }
 }
 
@@ -160,7 +178,10 @@ fn is_transmitted(c: &Crossing) -> bool {
 pub(crate) struct Through<'a> {
     scene: &'a Scene,
     object: u32,
+    /// Relative index of the boundary.
     eta: f32,
+    /// The body's index against vacuum: what parallel walls around it leave of all refraction.
+    index: f32,
     /// Extinction of the hero.
     sigma_t: f32,
     /// Sine and cosine of the largest angle by which the boundary bends light.
@@ -168,14 +189,14 @@ pub(crate) struct Through<'a> {
 }
 
 impl<'a> Through<'a> {
-    fn of(scene: &'a Scene, object: u32, eta: f32, sigma_t: f32) -> Self {
+    fn of(scene: &'a Scene, object: u32, eta: f32, index: f32, sigma_t: f32) -> Self {
         // At the critical angle: a right angle less its arc sine.
-        let cos = eta.min(1.0 / eta);
-        Self { scene, object, eta, sigma_t, bend: ((1.0 - cos * cos).sqrt(), cos) }
+        let cos = index.min(1.0 / index);
+        Self { scene, object, eta, index, sigma_t, bend: ((1.0 - cos * cos).sqrt(), cos) }
     }
 
-    /// Returns the connections of the one body that a path is in, or `None` where they cannot work: no or several bodies, no smooth
-    /// boundary, no lights to aim at, lights inside (sampled there), a medium outside.
+    /// Returns the connections of the body that counts where a path is, or `None` where they cannot work: no body, no smooth
+    /// boundary, no lights to aim at, lights inside (sampled there), a medium outside that scatters.
     pub fn new<const N: usize>(
         scene: &'a Scene,
         nest: &Nest,
@@ -183,14 +204,25 @@ impl<'a> Through<'a> {
         ambient: Option<&Matter<N>>,
         wavelengths: &Wavelengths<N>,
     ) -> Option<Self> {
-        let [Inside { shape: index, .. }] = *nest.bodies() else { return None };
-        let o = &scene.objects[index as usize];
-        let Boundary::Smooth { eta } = o.boundary else { return None };
+        let Inside { shape, index, point, .. } = *nest.bodies().last()?;
+        let o = &scene.objects[shape as usize];
+        let (Boundary::Smooth { eta }, Meeting::True(outer)) = (o.boundary, nest.meet(o, shape, true)) else {
+            return None;
+        };
         let possible = o.body.is_some() && !o.connects && scene.lights.has_aims() && medium.sigma_t[0] > 0.0;
-        if !possible || scene.medium_outside(o, wavelengths, ambient.copied()).is_some() {
+        if !possible || eta == outer {
             return None;
         }
-        Some(Self::of(scene, index, eta, medium.sigma_t[0]))
+        let outside = if nest.bodies().len() == 1 {
+            scene.medium_outside(o, wavelengths, ambient.copied())
+        } else {
+            let (mut medium, mut ambient) = (None, ambient.copied());
+            nest.clone().cross(scene, shape, true, &point, wavelengths, &mut medium, &mut ambient);
+            medium
+        };
+        // By the index against what is around all bodies; one body's own may be relative.
+        let index = if nest.bodies().len() == 1 { eta / outer } else { index };
+        (is_clear(&outside) && index != 1.0).then(|| Self::of(scene, shape, eta / outer, index, medium.sigma_t[0]))
     }
 
     /// Returns the longest flight that connections compete for \[length\].
@@ -228,22 +260,16 @@ impl<'a> Through<'a> {
         ns: Vec3,
     ) -> Option<Escape> {
         if t <= self.sight(&start, p, omega) {
-            return Some(Escape::Seen);
+            return Some(Escape { rival: Rival::Seen, passed: 0 });
         }
         match (start, pdf) {
             // A flight that crossed a ball began before it.
             (Start::Near(start), Some(pdf)) if t + p.distance(start.p) <= self.reach() => {
                 let outcomes = branches(-omega, ng, ns, self.eta);
                 let transmitted = outcomes.iter().filter(|b| is_transmitted(&b.1)).map(|b| b.0).sum();
-                Some(Escape::Chance {
-                    object: self.object,
-                    eta: self.eta,
-                    sigma_t: self.sigma_t,
-                    start,
-                    omega,
-                    pdf,
-                    transmitted,
-                })
+                let (object, index, sigma_t) = (self.object, self.index, self.sigma_t);
+                let rival = Rival::Chance { object, index, sigma_t, start, omega, pdf, transmitted };
+                Some(Escape { rival, passed: 0 })
             }
             _ => None,
         }
@@ -258,7 +284,7 @@ impl<'a> Through<'a> {
         let at = |(ray, hit): (Ray, Hit)| {
             let s = self.scene.accel.surface(&ray, &hit);
             let n = self.scene.boundary_normal(&self.scene.objects[hit.shape as usize], &s);
-            Frame { x: s.p, n, prim: hit.prim, eta: self.eta }
+            Frame { x: s.p, n, prim: hit.prim, eta: self.index }
         };
         // Look straight towards a point of a light, then again along the refracted way to it.
         let Some(mut frame) = self.exit(start.p, target.wi, limit, counters).map(at) else {
@@ -290,13 +316,21 @@ impl<'a> Through<'a> {
         medium: &Medium<N, P>,
         start: &Start,
         at: &Ahead,
+        within: &Within<'_, N>,
         w: &Wavelengths<N>,
+        rng: &mut Sampler,
         light: &mut Light<N>,
         counters: &mut Counters,
     ) {
         let outcomes = branches(-walker.d, at.ng, at.ns, self.eta);
         for (p, c) in outcomes.iter().filter(|b| is_transmitted(&b.1) && b.0 > 0.0) {
-            let Some(radiance) = self.light_beyond(&at.hit, at.p, c.direction(), w, counters) else { continue };
+            let mut sum = Spectrum::ZERO;
+            self.lights_beyond(&at.hit, at.p, c.direction(), within, w, rng, counters, |radiance, further| {
+                sum += radiance * further;
+            });
+            if sum.is_black() {
+                continue;
+            }
             let share = match (start, walker.direction_pdf) {
                 (Start::Near(start), Some(pdf)) => self.aim(start, w, counters).map_or(1.0, |aim| {
                     let transmitted: f32 = outcomes.iter().filter(|b| is_transmitted(&b.1)).map(|b| b.0).sum();
@@ -304,34 +338,10 @@ impl<'a> Through<'a> {
                 }),
                 _ => 1.0,
             };
-            // Leaving multiplies radiance by eta^2.
-            let value = walker.beta * medium.transmittance(at.t) * radiance * (self.eta * self.eta * p * share);
+            // Leaving multiplies radiance by the squared index.
+            let value = walker.beta * medium.transmittance(at.t) * sum * (self.eta * self.eta * p * share);
             light.add(walker.collisions, value);
         }
-    }
-
-    /// Returns the radiance of the light that a ray from the outer side of a hit meets first of all.
-    fn light_beyond<const N: usize>(
-        &self,
-        hit: &Hit,
-        p: Vec3,
-        d: Vec3,
-        w: &Wavelengths<N>,
-        counters: &mut Counters,
-    ) -> Option<Spectrum<N>> {
-        let scene = self.scene;
-        if !scene.lights.may_meet_surface(p, d) && !scene.lights.aims_at_environment() {
-            return None;
-        }
-        counters.shadow_rays += 1;
-        let ray = Standing::Outside(*hit).ray(scene, p, d);
-        let Some(met) = scene.accel.nearest(&ray) else {
-            return Some(scene.lights.aimed_environment(p, d, w)).filter(|l| !l.is_black());
-        };
-        let l = scene.lights.light_of(met.shape, met.index)?;
-        let there = scene.accel.surface(&ray, &met);
-        let radiance = scene.lights.emitted(l, there.uv, there.ng, -d, w);
-        (!radiance.is_black() && scene.objects[met.shape as usize].alpha.is_none()).then_some(radiance)
     }
 
     /// Makes a connection at a collision, or not; returns what the next flight competes with.
@@ -344,6 +354,7 @@ impl<'a> Through<'a> {
         beta: Spectrum<N>,
         vertex: &impl Scattering<N>,
         room: f32,
+        within: &Within<'_, N>,
         w: &Wavelengths<N>,
         rng: &mut Sampler,
         light: &mut Light<N>,
@@ -358,8 +369,7 @@ impl<'a> Through<'a> {
         if rng.uniform() < q
             && let Some(aim) = self.aim(&start, w, counters)
         {
-            let u = std::array::from_fn(|_| rng.uniform());
-            if let Some(radiance) = self.sample(&aim, &start, walker, medium, beta, vertex, w, u, counters) {
+            if let Some(radiance) = self.sample(&aim, &start, walker, medium, beta, vertex, within, w, rng, counters) {
                 light.add(walker.collisions, radiance);
             }
         }
@@ -375,11 +385,13 @@ impl<'a> Through<'a> {
         medium: &Medium<N, P>,
         beta: Spectrum<N>,
         vertex: &impl Scattering<N>,
+        within: &Within<'_, N>,
         w: &Wavelengths<N>,
-        u: [f32; 5],
+        rng: &mut Sampler,
         counters: &mut Counters,
     ) -> Option<Spectrum<N>> {
         let scene = self.scene;
+        let u: [f32; 5] = std::array::from_fn(|_| rng.uniform());
         let (omega, aimed) = aim.sample(scene, w, u[3], [u[0], u[1], u[2]])?;
         let (value, pdf) = vertex.towards(omega);
         if value.is_black() {
@@ -389,30 +401,23 @@ impl<'a> Through<'a> {
         let (ray, hit) = self.exit(walker.p, omega, self.reach(), counters)?;
         let surface = scene.accel.surface(&ray, &hit);
         let ns = scene.boundary_normal(&scene.objects[hit.shape as usize], &surface);
-        let outcomes = branches(-omega, surface.ng, ns, self.eta);
-        let transmitted: f32 = outcomes.iter().filter(|b| is_transmitted(&b.1)).map(|b| b.0).sum();
         // Take one of the transmitted outcomes in proportion to its probability.
-        let mut left = u[4] * transmitted;
-        let mut out = None;
-        for (p, c) in outcomes.iter().filter(|b| is_transmitted(&b.1) && b.0 > 0.0) {
-            out = Some((*p, c.direction()));
-            left -= p;
-            if left < 0.0 {
-                break;
-            }
-        }
-        let (p, d) = out?;
-        // Only what the refracted ray meets first can be a light that it shines from.
-        let radiance = self.light_beyond(&hit, surface.p, d, w, counters)?;
+        let (d, p, transmitted) = onward::transmit(-omega, surface.ng, ns, self.eta, || u[4])?;
         let t = medium.transmittance(hit.t);
         // A look finds the path whenever its flight takes this direction, chance if it gets through and crosses as well.
-        let chance = if hit.t <= self.sight(&Start::Near(*start), walker.p, omega) {
+        let looks = hit.t <= self.sight(&Start::Near(*start), walker.p, omega);
+        let chance = if looks {
             (walker.ratio * pdf).mean() / p
         } else {
             (walker.ratio * vertex.through(omega, hit.t) * t).mean()
         };
-        let density = start.q * aimed / transmitted + chance;
-        // Leaving multiplies radiance by eta^2.
-        Some(beta * value * t * radiance * (self.eta * self.eta / density))
+        let connection = start.q * aimed / transmitted;
+        let mut sum = Spectrum::ZERO;
+        self.lights_beyond(&hit, surface.p, d, within, w, rng, counters, |radiance, further| {
+            let chance = if looks { chance } else { chance * further };
+            sum += radiance * (further / (connection + chance));
+        });
+        // Leaving multiplies radiance by the squared index.
+        (!sum.is_black()).then(|| beta * value * t * sum * (self.eta * self.eta))
     }
 }

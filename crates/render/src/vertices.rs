@@ -30,35 +30,21 @@ use rayon::prelude::*;
 
 use crate::bsdf::boundary::branches;
 use crate::bsdf::{Crossing, cross};
-use crate::cloud::{self, Lines, Point, Tree};
-use crate::integrator::{Counters, Integrator, policy};
+use crate::cloud::{self, Point, Tree};
+use crate::integrator::{Counters, Integrator};
 use crate::interior::{Exit, Interior, Standing};
 use crate::media::Matter;
 use crate::nest::{Inside, Meeting, Nest};
 use crate::scene::{Boundary, Scene};
 use crate::texture::TexturePoint;
 use crate::touch::{self, Arrival};
-use crate::window;
+
+mod fit;
+
+pub(crate) use fit::{Lit, bodies};
 
 /// Word that separates the random numbers of light's paths from those of pixels.
 const LIGHT: u64 = 0x11_6487;
-/// Vertices per pixel in which a camera sees the body, most of them in a cube of the mean free path, and most of all.
-const PER_PIXEL: f64 = 15.0;
-const DENSEST: f64 = 15.0;
-const VERTICES: f64 = 1_048_576.0;
-/// Rays of the camera that find out where it sees a body.
-const LOOKS: u32 = 4096;
-/// Fewest vertices in a cube of the mean free path. The marble dragon at 1, 1.5, 2, 3 times its density has 12, 3.7, 1.5, .5: 4.0, 2.7, 1.8, .7 times the efficiency of flights.
-const ENOUGH: f64 = 1.5;
-/// Share of the light that lamps must give. What comes from all around flights find with little noise: the dragon with its lamp 1, .7, .5, .3, .1 times as wide and high has shares of .85, .73, .58, .33, .05, and vertices
-/// 4.2, 3.1, 2.0, 1.05, .2 times the efficiency of flights.
-const LAMPS: f32 = 0.35;
-/// Points of the surface per path of light: each yields two beams to draw from.
-const POINTS: f64 = 0.25;
-/// Paths that measure how many collisions there are on each.
-const PILOT: u32 = 256;
-/// Bodies with vertices: of more each would have too few.
-const MOST: usize = 16;
 /// Work done together.
 const BATCH: u32 = 64;
 /// Density of flights against that of vertices, in the weights. On the marble dragon .25, .5, 2, 8 leave a variance per sample of .389, .364, .338, .328 at .94, .97, 1.01, 1.11 CPU s.
@@ -75,20 +61,6 @@ const SHALLOW: f32 = 1.5;
 const FEWEST: f32 = 0.05;
 /// Share of a segment that is looked along: its end is no wall.
 const END: f32 = 1.0 - 1e-4;
-
-/// A body that light is followed into.
-#[derive(Clone, Debug)]
-pub(crate) struct Lit {
-    shape: u32,
-    through: Lines,
-    /// Lines per sample number, and points of the surface per area that they meet \[1/L^2\].
-    lines: u32,
-    points: f64,
-    /// Paths of light per sample number.
-    paths: u32,
-    /// n \[1/L^3\].
-    density: f32,
-}
 
 /// What is known of a vertex besides its place and flux.
 #[derive(Clone, Copy, Debug)]
@@ -140,114 +112,6 @@ struct Beam<const N: usize> {
     /// Direction towards where it comes from.
     wi: Vec3,
     flux: Spectrum<N>,
-}
-
-/// Returns the bodies of a scene that light is followed into: homogeneous media that scatter, not mainly forward, behind a smooth boundary or none, with nothing else inside.
-pub(crate) fn bodies(scene: &Scene) -> Vec<Lit> {
-    if scene.hybrid || scene.shifted || scene.lights.is_empty() {
-        return vec![];
-    }
-    let wavelengths = Wavelengths::<4>::sample(WavelengthMode::Hero, 0.5);
-    let fit = |shape: u32| {
-        let o = &scene.objects[shape as usize];
-        let bounded = matches!(o.boundary, Boundary::Smooth { .. } | Boundary::Interface);
-        let shut = o.body.is_some() && o.hollow && bounded && o.alpha.is_none() && scene.bank(o).is_none();
-        if !shut || scene.lights.light_of(shape, 0).is_some() {
-            return None;
-        }
-        let at = TexturePoint { p: o.reach.center(), n: Vec3::Z, uv: Vec2::ZERO };
-        let Some(Matter::Homogeneous(medium)) = scene.medium_inside(o, &at, &wavelengths, None) else { return None };
-        let scatters = !medium.sigma_s.is_black() && medium.emission.is_none() && medium.g.abs() < window::FORWARD;
-        let guided = || policy::guides(scene, &medium, scene.room(shape).depth(), o.reach.center()).is_some();
-        let refracts = matches!(o.boundary, Boundary::Smooth { .. });
-        // What connections do not find they must not share.
-        let perturbed = scene.materials.perturbs_normals(o.material);
-        if refracts && (scene.lights.has_hidden() || perturbed && scene.lights.has_unseen()) {
-            return None;
-        }
-        let lamps = !refracts || scene.lights.share_of_lamps(o.reach.center()) > LAMPS;
-        (scatters && lamps && !guided()).then_some((shape, medium))
-    };
-    let mut found: Vec<(u32, Medium<4>)> = (0..scene.objects.len() as u32).filter_map(fit).take(MOST + 1).collect();
-    if found.len() > MOST {
-        return vec![];
-    }
-    found.retain(|body| is_empty(scene, body.0));
-    let pixels = pixels(scene, &found);
-    let most = VERTICES / pixels.iter().sum::<f64>();
-    found
-        .iter()
-        .zip(pixels)
-        .filter_map(|((shape, medium), pixels)| {
-            let object = &scene.objects[*shape as usize];
-            let through = Lines::around(object.reach);
-            let volume = object.volume * f64::from(medium.sigma_t.mean()).powi(3);
-            let vertices = (pixels * PER_PIXEL.min(most)).min(volume * DENSEST);
-            if vertices < ENOUGH * volume {
-                return None;
-            }
-            let (points, collisions) = pilot(scene, *shape, &through, medium)?;
-            let paths = (vertices / collisions).ceil().max(1.0);
-            let lines = (POINTS * paths / points).ceil().min(f64::from(u32::MAX));
-            Some(Lit {
-                shape: *shape,
-                through,
-                lines: lines as u32,
-                points: lines / through.area(),
-                paths: paths as u32,
-                density: (paths * collisions / object.volume) as f32,
-            })
-        })
-        .collect()
-}
-
-/// Returns in how many pixels a camera sees each of some bodies first of all, about.
-fn pixels(scene: &Scene, bodies: &[(u32, Medium<4>)]) -> Vec<f64> {
-    let [width, height] = scene.resolution;
-    let seen: Vec<Option<usize>> = (0..LOOKS)
-        .into_par_iter()
-        .map(|i| {
-            let mut rng = Sampler::new(LIGHT, u32::MAX, 0, u64::from(i));
-            let ([x, y], lens) = (rng.uniform2(), rng.uniform2());
-            let (o, d) = scene.camera.ray(Vec2::new(x * width, y * height), lens);
-            let shape = scene.accel.nearest(&Ray::new(o, d))?.shape;
-            bodies.iter().position(|b| b.0 == shape)
-        })
-        .collect();
-    let per_look = f64::from(width) * f64::from(height) / f64::from(LOOKS);
-    (0..bodies.len()).map(|k| seen.iter().filter(|s| **s == Some(k)).count() as f64 * per_look).collect()
-}
-
-/// Returns whether nothing but its medium is inside a body, as far as boxes can tell.
-fn is_empty(scene: &Scene, shape: u32) -> bool {
-    let bounds = scene.accel.shape_bounds(shape);
-    // What touches it within rounding is outside.
-    let core = bounds.grown(-touch::REACH * scene.objects[shape as usize].touch);
-    let other = |i: u32| i != shape && scene.accel.shape_bounds(i).overlaps(&core);
-    !(0..scene.objects.len() as u32).any(other) && !scene.light_points.iter().any(|&p| core.contains(p))
-}
-
-/// Returns the points of a body's surface per line, and the collisions per path of light from all around; `None` where there are none.
-fn pilot(scene: &Scene, shape: u32, through: &Lines, medium: &Medium<4>) -> Option<(f64, f64)> {
-    let lines: Vec<(usize, u64, u64)> = (0..PILOT)
-        .into_par_iter()
-        .map(|j| {
-            let mut rng = Sampler::new(LIGHT, shape, 0, u64::from(j));
-            let (ray, hits) = through.meet(scene, &mut rng, |s| s == shape);
-            let (mut paths, mut collisions, mut vertices) = (0, 0, Vec::new());
-            for hit in hits.iter().filter(|h| !h.exiting) {
-                let surface = scene.accel.surface(&ray, hit);
-                let beam = Beam { hit: *hit, surface, wi: -ray.d, flux: Spectrum::<4>::ONE };
-                collisions += beam.walk(scene, medium, Roulette::default(), &mut vertices, &mut rng)[0];
-                paths += 1;
-            }
-            (hits.len(), paths, collisions)
-        })
-        .collect();
-    let points: usize = lines.iter().map(|l| l.0).sum();
-    let paths: u64 = lines.iter().map(|l| l.1).sum();
-    let collisions: u64 = lines.iter().map(|l| l.2).sum();
-    (collisions > 0).then(|| (points as f64 / f64::from(PILOT), collisions as f64 / paths as f64))
 }
 
 impl Vertices {

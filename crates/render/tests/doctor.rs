@@ -187,23 +187,6 @@ fn light_that_is_missing_black_or_turned_away_is_found() {
 }
 
 #[test]
-fn lamps_that_no_ray_meets_are_found_before_smooth_boundaries() {
-    let lit = |sky: bool, opacity: f32| {
-        let mut world = with(&ball(1.0), 1.0);
-        if !sky {
-            world.0.lights.clear();
-        }
-        let lamp = world.emitter(&ball(0.2), 1.0);
-        world.0.shapes[lamp].object_to_world = Mat4::from_translation(Vec3::Y * 3.0);
-        world.0.shapes[lamp].alpha = Some(world.float(opacity));
-        world
-    };
-    assert_eq!(codes(&lit(false, 0.0)), ["hidden-lamps!"]);
-    assert_eq!(codes(&lit(true, 0.0)), ["hidden-lamps"]);
-    assert!(codes(&lit(true, 1.0)).is_empty(), "{:?}", codes(&lit(true, 1.0)));
-}
-
-#[test]
 fn media_that_no_path_reaches_and_cameras_in_bodies_are_found() {
     let mut world = with(&ball(1.0), 1.0);
     let wall = world.diffuse(0.5);

@@ -56,7 +56,7 @@ where
                 if let Some((t_wall, _)) = ahead
                     && t_wall <= sight
                 {
-                    tally.glimpse(walker, medium, t_wall);
+                    tally.glimpse(walker, medium, t_wall, rng);
                 }
                 if let Some((t_wall, wall)) = ahead
                     && t_wall <= t

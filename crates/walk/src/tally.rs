@@ -97,7 +97,7 @@ pub trait Tally<const N: usize, R: Random, P = HenyeyGreenstein> {
 
     /// Called where a wall lies ahead within that distance, t away, before the walker moves; whether the flight reaches it is another matter.
     #[inline]
-    fn glimpse(&mut self, _walker: &Walker<N>, _medium: &Medium<N, P>, _t: f32) {}
+    fn glimpse(&mut self, _walker: &Walker<N>, _medium: &Medium<N, P>, _t: f32, _rng: &mut R) {}
 
     /// Returns whether this tally looks for light at collisions. If not, directions count as drawn without competition, so
     /// that lights found by chance count in full.

@@ -5,7 +5,7 @@ use moonmilk_geometry::{Accel, Bounds, Ray};
 
 use super::surface::point;
 use super::{Body, Patient, Severity, enclosed, transmits};
-use crate::description::{FloatTexture, LightDescription, LightKind, MediumId, MediumKind, SpectrumDescription};
+use crate::description::{LightDescription, LightKind, MediumId, MediumKind, SpectrumDescription};
 use crate::lights::position;
 
 /// Points of an area light from which it is looked at what stands in front.
@@ -49,7 +49,6 @@ pub fn examine(p: &mut Patient, bodies: &[Body]) {
         p.add(Severity::Note, "black-light", None, message, "give them a radiance or intensity and a scale above 0");
     }
     points_alone(p, bodies, emitters > 0 || glows);
-    hidden_lamps(p, bodies, emitters, glows);
     facing_away(p);
     inside_something(p);
 }
@@ -124,31 +123,6 @@ fn points_alone(p: &mut Patient, bodies: &[Body], others: bool) {
     let advice = "replace such a light by a small sphere with an AreaLightSource (of the same power), or make the boundary slightly rough";
     let severity = if only { Severity::Problem } else { Severity::Note };
     p.add(severity, "point-lights", Some(body.shape), message, advice);
-}
-
-/// Reports lamps of opacity 0 where there are smooth boundaries: rays pass through them, and no other way to find them leads through a boundary.
-fn hidden_lamps(p: &mut Patient, bodies: &[Body], emitters: usize, glows: bool) {
-    let d = p.d;
-    let is_clear = |id| matches!(d.float_textures.get(id), Some(FloatTexture::Constant(a)) if *a <= 0.0);
-    let hidden: Vec<usize> = (0..d.shapes.len())
-        .filter(|&i| d.shapes[i].area_light.is_some() && d.shapes[i].alpha.is_some_and(is_clear))
-        .collect();
-    let dark: Vec<&Body> = bodies.iter().filter(|b| b.smooth && b.eta != 1.0).collect();
-    let (Some(&first), Some(body)) = (hidden.first(), dark.first()) else {
-        return;
-    };
-    let only = hidden.len() == emitters && d.lights.is_empty() && !glows;
-    let message = format!(
-        "{} of the lights are surfaces of opacity 0 (the first at {}), which no ray meets; none of their light is found inside {} ({}){}, behind a smooth refractive boundary",
-        hidden.len(),
-        d.shapes[first].place,
-        body.name,
-        body.place,
-        if dark.len() > 1 { format!(" and {} other objects", dark.len() - 1) } else { String::new() }
-    );
-    let severity = if only { Severity::Problem } else { Severity::Note };
-    let advice = "leave their `alpha` out, replace them by points, or make the boundary slightly rough";
-    p.add(severity, "hidden-lamps", Some(body.shape), message, advice);
 }
 
 /// Reports one-sided area lights with nothing in front of them.

@@ -13,6 +13,7 @@ use crate::interior::Standing;
 use crate::nest::{Meeting, Nest};
 use crate::scene::{Boundary, Object, Scene};
 use crate::texture::TexturePoint;
+use crate::through;
 use crate::touch::{self, Arrival};
 
 /// Returns a surface with its other side outward.
@@ -63,23 +64,37 @@ impl Integrator {
         let escape = path.escape.take();
 
         let point = TexturePoint { p: surface.p, n: surface.ng, uv: surface.uv };
+        // Let rays through what is cut out: in and out of a body, too, which they are not in then.
+        let cut_out = object.alpha.is_some_and(|a| {
+            let alpha = scene.textures.eval_float(a, &point);
+            alpha < 1.0 && rng.uniform() >= alpha
+        });
+        let light_here = scene.lights.light_of(hit.shape, hit.index);
+        if cut_out {
+            path.standing = Standing::Through(hit);
+            // Lamps of opacity 0 light what chance comes from, if light sampling did not; they are never seen themselves.
+            if let Some(l) = light_here.filter(|&l| scene.lights.is_hidden(l)) {
+                let scattered = path.scattered || path.walker.collisions > 0;
+                if scattered && path.walker.direction_pdf.is_none() {
+                    let radiance = scene.lights.emitted(l, surface.uv, surface.ng, wo, wavelengths);
+                    let share = match escape {
+                        Some(escape) if !radiance.is_black() => escape.share(scene, wavelengths, counters),
+                        _ => 1.0,
+                    };
+                    light.add(path.walker.collisions, path.walker.beta * radiance * share);
+                }
+                path.escape = escape.and_then(|e| e.beyond(1.0));
+            }
+            return true;
+        }
+
         if object.body.is_some() && hit.exiting != path.inside.contains(hit.shape) {
             counters.contrary += 1;
             path.correct(scene, object, &hit, &point, wavelengths);
         }
 
-        // Let rays through what is cut out.
-        let cut_out = object.alpha.is_some_and(|a| {
-            let alpha = scene.textures.eval_float(a, &point);
-            alpha < 1.0 && rng.uniform() >= alpha
-        });
-        if cut_out {
-            path.standing = Standing::Through(hit);
-            return true;
-        }
-
         // Add what the surface emits, shared with light sampling.
-        if let Some(l) = scene.lights.light_of(hit.shape, hit.index) {
+        if let Some(l) = light_here {
             let radiance = scene.lights.emitted(l, surface.uv, surface.ng, wo, wavelengths);
             if !radiance.is_black() {
                 let share = match (path.walker.direction_pdf, escape) {
@@ -142,6 +157,10 @@ impl Integrator {
                 Crossing::Transmitted(d) => {
                     path.turn(d, None);
                     path.transmit(scene, object, hit, &point, wo.dot(surface.ng) <= 0.0, eta, wavelengths, counters);
+                    // Connections and looks lead through clear bodies as well.
+                    path.escape = escape
+                        .filter(|_| object.clear && through::is_clear(&path.medium))
+                        .and_then(|e| e.beyond(through::transmitted(wo, surface.ng, surface.ns, eta)));
                     if first && self.policy == Policy::Auto && self.max_depth.is_none() {
                         path.double(rng, counters);
                     }
@@ -185,6 +204,7 @@ impl Integrator {
         // Coats sample by a random walk: what competes with light sampling is their density as light sampling knows it.
         let pdf = if matches!(bsdf.bsdf, Bsdf::Layered(_)) { bsdf.pdf(wo, s.wi) } else { s.pdf };
         path.turn(s.wi, (!s.specular).then_some(pdf));
+        path.scattered |= !s.specular;
         path.normal = (!both_sides).then_some(if wo.dot(surface.ng) > 0.0 { surface.ng } else { -surface.ng });
         let outward = s.wi.dot(surface.ng) > 0.0;
         if s.kind == Kind::Transmission {
@@ -342,6 +362,7 @@ impl Integrator {
             path.walker.beta *= arriving.factor(s.wi, rng);
         }
         path.turn(s.wi, Some(s.pdf));
+        path.scattered = true;
         path.normal = n;
         self.survives(path, rng)
     }

@@ -51,7 +51,11 @@ impl Lights {
             return Some(Aimed { target: Target::Direction(wi), wi, environment: share as f32 * pdf });
         }
         let choice = ((choice - share) / (1.0 - share)).min(1.0 - f64::EPSILON);
-        let s = self.sample_placed(p, n, wavelengths, choice, v, 1.0).filter(|s| !s.is_delta)?;
+        let s = self.sample_placed(p, n, wavelengths, choice, v, 1.0)?;
+        // Points are for others to find; a lamp of opacity 0 has a surface.
+        if !matches!(self.placed[s.light as usize], Placed::Surface { .. }) {
+            return None;
+        }
         let environment = if share > 0.0 { share as f32 * self.environment.aimed_pdf(p, s.wi) } else { 0.0 };
         Some(Aimed { target: Target::Point(s.point), wi: s.wi, environment })
     }

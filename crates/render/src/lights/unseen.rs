@@ -85,9 +85,9 @@ impl Lights {
         self.unseen.total() > 0.0 || self.distant.iter().any(|d| d.importance(None) > 0.0)
     }
 
-    /// Returns whether there are lamps of opacity 0, which no ray meets.
-    pub fn has_hidden(&self) -> bool {
-        self.placed.iter().any(|p| matches!(p, super::Placed::Surface { cut: super::Cut::Hidden, .. }))
+    /// Returns whether a light is a lamp of opacity 0, which rays pass.
+    pub fn is_hidden(&self, light: u32) -> bool {
+        matches!(self.placed.get(light as usize), Some(Placed::Surface { cut: super::Cut::Hidden, .. }))
     }
 
     /// Chooses a light without extent for a point that its light may reach on bent ways, and returns it with the probability of that choice, which is positive for

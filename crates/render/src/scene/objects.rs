@@ -158,6 +158,7 @@ pub(super) fn build_object(
             ),
         volume,
         touch: 0.0,
+        clear: false,
         bank: None,
         set: u32::MAX,
         common: Bounds::EMPTY,

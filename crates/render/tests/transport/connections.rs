@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use moonmilk_core::{DVec3, Mat4, Random, Stream, Vec3};
+use moonmilk_core::{DVec3, Mat4, Random, Stream, Vec3, Wavelengths};
 use moonmilk_geometry::generate::{bumpy_sphere, cuboid};
 use moonmilk_render::description::LightKind;
 use moonmilk_render::integrator::Policy;
@@ -127,6 +127,152 @@ fn sampled_light_equals_light_found_by_chance_behind_a_smooth_boundary() {
     assert_same("smooth milk", make, EYE, Vec3::ZERO, 0.5, [100_000, 100_000]);
     // Caustics on the floor, its shadow: light found by chance through the glass, sampled beside it.
     assert_same("floor beside it", make, EYE, Vec3::new(0.9, 0.6, -1.3), 0.2, [60_000, 120_000]);
+}
+
+/// Returns a scene of milk behind more than one smooth boundary, under a lamp.
+fn behind_clear(what: &str, g: f32, sampled: bool) -> World {
+    let mut world = World::new();
+    let milk = world.medium(0.05, 5.0, g);
+    let [glass, in_glass, alone] = [1.5, 0.9, 1.35].map(|eta| world.dielectric(eta, 0.0));
+    let tint = world.medium(0.3, 0.0, 0.0);
+    match what {
+        "in a glass ball" => {
+            world.body(&ball(1.0), glass, None, None);
+            let inner = world.body(&smooth(&bumpy_sphere(2, 0.2)), in_glass, Some(milk), None);
+            world.0.shapes[inner].object_to_world = Mat4::from_scale(Vec3::splat(0.7));
+        }
+        "filling a tinted glass to its wall" => {
+            world.body(&flat(&cuboid(-Vec3::ONE, Vec3::ONE)), glass, Some(tint), None);
+            let (min, max) = (Vec3::new(-0.8, -0.8, -0.8), Vec3::new(0.8, 0.8, 1.0));
+            world.body(&flat(&cuboid(min, max)), in_glass, Some(milk), None);
+        }
+        "under a pane and a bulb" => {
+            world.body(&flat(&bumpy_sphere(2, 0.2)), alone, Some(milk), None);
+            let (min, max) = (Vec3::new(-1.5, -1.5, 1.4), Vec3::new(1.5, 1.5, 1.5));
+            world.body(&flat(&cuboid(min, max)), glass, Some(tint), None);
+            let bulb = world.body(&ball(0.9), glass, None, None);
+            world.0.shapes[bulb].object_to_world = Mat4::from_translation(Vec3::new(0.1, 0.0, 2.6));
+            let air = world.dielectric(1.0 / 1.5, 0.0);
+            let hollow = world.body(&ball(0.85), air, None, None);
+            world.0.shapes[hollow].object_to_world = Mat4::from_translation(Vec3::new(0.1, 0.0, 2.6));
+            return with_lamp(world, Vec3::new(-0.3, -0.3, 2.5), Vec3::new(0.5, 0.3, 2.6), None, sampled);
+        }
+        _ => unreachable!("no such scene"),
+    }
+    lamp_overhead(world, sampled)
+}
+
+#[test]
+fn sampled_light_equals_light_found_by_chance_through_clear_bodies() {
+    for (what, g) in [
+        ("in a glass ball", 0.0),
+        ("in a glass ball", 0.8),
+        ("filling a tinted glass to its wall", 0.5),
+        ("under a pane and a bulb", 0.5),
+    ] {
+        let make = |sampled| behind_clear(what, g, sampled);
+        assert_same(&format!("milk {what}, g {g}"), make, EYE, Vec3::new(0.0, -0.3, 0.3), 0.3, [80_000, 200_000]);
+    }
+}
+
+#[test]
+fn connections_through_clear_bodies_leave_less_noise_than_chance() {
+    let deviation = |sampled| {
+        let tracer = behind_clear("in a glass ball", 0.0, sampled).tracer();
+        let [l] = measure(20_000, |i| [tracer.radiance(i, EYE, (Vec3::Z * 0.3 - EYE).normalize())]);
+        l.std_err
+    };
+    let (connected, chance) = (deviation(true), deviation(false));
+    println!("standard errors {connected:.2e} and {chance:.2e}");
+    assert!(connected < 0.7 * chance, "{connected} {chance}");
+}
+
+#[test]
+fn a_lamp_of_opacity_0_lights_as_one_that_rays_meet() {
+    // What was never scattered is left out: the image of the lamp in surfaces, which one of opacity 0 has not.
+    for what in ["ball", "thin ball", "in a glass ball", "floor behind a glass ball"] {
+        let make = |hidden: bool| {
+            let mut world = match what {
+                "in a glass ball" => behind_clear(what, 0.5, true),
+                _ => World::new(),
+            };
+            if what == "floor behind a glass ball" {
+                let glass = world.dielectric(1.5, 0.0);
+                world.body(&ball(1.0), glass, None, None);
+                let floor = world.diffuse(0.5);
+                world.surface(&rectangle(Vec3::Z * -1.3, Vec3::X * 3.0, Vec3::Y * 3.0), floor);
+            } else if what != "in a glass ball" {
+                let milk = world.medium(0.05, if what == "thin ball" { 0.5 } else { 5.0 }, 0.3);
+                let boundary = world.dielectric(1.4, 0.0);
+                world.body(&ball(1.0), boundary, Some(milk), None);
+            }
+            if what != "in a glass ball" {
+                world = lamp_overhead(world, true);
+            }
+            if hidden {
+                let clear = world.float(0.0);
+                world.0.shapes.iter_mut().filter(|s| s.area_light.is_some()).for_each(|s| s.alpha = Some(clear));
+            }
+            world.tracer()
+        };
+        let floor = what == "floor behind a glass ball";
+        let [hidden, met] = [true, false].map(|hidden| {
+            let mut tracer = make(hidden);
+            tracer.integrator.seed = 1 + u64::from(hidden);
+            let [found] = measure(samples(100_000, 16), |i| {
+                let mut rng = Stream::new(&[63, i, u64::from(hidden)]);
+                let [x, y, z] = [rng.uniform(), rng.uniform(), rng.uniform()].map(|u| (2.0 * u - 1.0) * 0.3);
+                let target = if floor { Vec3::new(0.2, 0.2, -1.3) } else { Vec3::new(0.0, -0.3, 0.3) };
+                let eye = if floor { Vec3::new(0.2, 0.1, -1.1) } else { EYE };
+                let d = (target + Vec3::new(x, y, if floor { 0.0 } else { z }) - eye).normalize();
+                let (light, _) = tracer.follow(i, eye, d, &Wavelengths::<1>::Fixed(550.0));
+                let first = if floor { light.orders[0][0] } else { 0.0 };
+                [f64::from(first + light.orders[1][0] + light.orders[2][0])]
+            });
+            tracer.assert_sound();
+            found
+        });
+        assert_equal(what, hidden, met);
+    }
+}
+
+#[test]
+fn a_lamp_of_opacity_0_takes_nothing_from_one_behind_it() {
+    let make = |hidden: bool, behind: bool| {
+        let mut world = World::new();
+        let (milk, boundary) = (world.medium(0.05, 5.0, 0.3), world.dielectric(1.4, 0.0));
+        world.body(&ball(1.0), boundary, Some(milk), None);
+        if behind {
+            world.emitter(&rectangle(Vec3::new(0.1, 0.0, 4.0), Vec3::X * 2.0, Vec3::Y * -2.0), 2.0);
+        }
+        if hidden {
+            let clear = world.float(0.0);
+            world = lamp_overhead(world, true);
+            world.0.shapes.last_mut().expect("a lamp").alpha = Some(clear);
+        }
+        world.tracer()
+    };
+    let scattered = |tracer: &Tracer, i: u64| {
+        let d = (Vec3::new(0.0, -0.3, 0.3) - EYE).normalize();
+        let (light, _) = tracer.follow(i, EYE, d, &Wavelengths::<1>::Fixed(550.0));
+        f64::from(light.orders[1][0] + light.orders[2][0])
+    };
+    let (both, one, other) = (make(true, true), make(true, false), make(false, true));
+    let [both] = measure(samples(100_000, 16), |i| [scattered(&both, i)]);
+    let [sum] = measure(samples(100_000, 16), |i| [scattered(&one, i + (1 << 40)) + scattered(&other, i + (1 << 41))]);
+    assert_equal("two lamps", both, sum);
+}
+
+#[test]
+fn a_lamp_of_opacity_0_is_not_seen() {
+    let mut world = lamp_overhead(World::new(), true);
+    let (clear, glass) = (world.float(0.0), world.dielectric(1.5, 0.0));
+    world.0.shapes.last_mut().expect("a lamp").alpha = Some(clear);
+    world.body(&ball(1.0), glass, None, None);
+    let tracer = world.tracer();
+    let seen = |target: Vec3| (0..200).map(|i| tracer.radiance(i, EYE, (target - EYE).normalize())).sum::<f64>();
+    assert_eq!(seen(Vec3::new(0.0, 0.0, 2.1)), 0.0);
+    assert_eq!(seen(Vec3::new(0.0, -0.2, 0.8)), 0.0);
 }
 
 #[test]

@@ -177,14 +177,41 @@ fn where_flights_find_less_or_something_is_inside_there_are_no_vertices() {
     assert_eq!(made(&body(0.0, 8.0).environment(1.0)), 0);
     assert_eq!(made(&lamp(body(0.8, 8.0))), 0);
     assert_eq!(made(&lamp(body(0.0, 80.0))), 0);
-    // A table that reaches into its box, and a lamp that no ray meets.
+    // A table that reaches into it.
     let mut sunk = lamp(body(0.0, 8.0));
     let table = sunk.diffuse(0.5);
     sunk.surface(&rectangle(Vec3::Y * -0.9, Vec3::Z * 3.0, Vec3::X * 3.0), table);
     assert_eq!(made(&sunk), 0);
-    let mut hidden = lamp(body(0.0, 8.0));
-    hidden.0.shapes.last_mut().unwrap().alpha = Some(hidden.float(0.0));
-    assert_eq!(made(&hidden), 0);
+    // A pebble inside, and all of it in a ball of fog.
+    let mut held = lamp(body(0.0, 8.0));
+    let stone = held.diffuse(0.5);
+    let pebble = held.surface(&ball(0.1), stone);
+    assert_eq!(made(&held), 0);
+    held.0.shapes[pebble].object_to_world = Mat4::from_translation(Vec3::new(1.2, 1.2, 1.2));
+    assert_eq!(made(&held), 1);
+    let (fog, nothing) = (held.medium(0.1, 0.2, 0.0), held.dielectric(1.0, 0.0));
+    held.body(&ball(3.0), nothing, Some(fog), None);
+    assert_eq!(made(&held), 0);
+}
+
+#[test]
+fn what_reaches_into_a_body_s_box_and_not_into_it_takes_no_vertices_from_it() {
+    // In a room of one mesh, on a large ball, beside a slope that cuts its box, lit by a lamp that rays pass.
+    let mut world = World::new();
+    let milk = world.medium(0.1, 8.0, 0.0);
+    let boundary = world.dielectric(1.4, 0.0);
+    world.body(&smooth(&bumpy_sphere(3, 0.2)), boundary, Some(milk), None);
+    let grey = world.diffuse(0.5);
+    let mut room = cuboid(Vec3::splat(-4.5), Vec3::splat(4.5));
+    room.turn_inside_out();
+    world.surface(&flat(&room), grey);
+    let floor = world.surface(&ball(50.0), grey);
+    world.0.shapes[floor].object_to_world = Mat4::from_translation(Vec3::Y * -51.3);
+    world.surface(&rectangle(Vec3::new(-1.0, 1.0, 0.0), Vec3::new(1.0, 1.0, 0.0), Vec3::Z * -0.4), grey);
+    let mut world = lamp(world);
+    assert_same("milk in a room", &world, 100);
+    world.0.shapes.last_mut().expect("a lamp").alpha = Some(world.float(0.0));
+    assert_same("milk under a lamp of opacity 0", &world, 100);
 }
 
 #[test]
