@@ -185,6 +185,11 @@ def pictures(checks, folder, factor, scenes):
             checks.line(ok, f"{name:12s} worst of {used.sum()} blocks {z:.2f} sigma (p {normal_p(z):.1e}, limit {limit:.1e}: 4 sigma after Sidak)")
 
 
+def times(numbers, factor):
+    """Numbers in a text, each times a factor."""
+    return " ".join(repr(float(n) * factor) for n in numbers.split())
+
+
 def scaled_quad(numbers, factor):
     """Corner coordinates of a quad that is `factor` times as wide and high about its centre."""
     x = [float(n) for n in numbers.split()]
@@ -192,13 +197,15 @@ def scaled_quad(numbers, factor):
     return " ".join(repr(centre[i % 3] + factor * (v - centre[i % 3])) for i, v in enumerate(x))
 
 
-def variant(name, folder, light, density):
-    """A folder with both scene files of a reference scene, its light `light` times as wide and high, its scattering `density` times as strong."""
+def variant(name, folder, light, power, density):
+    """A folder with both scene files of a reference scene, its light `light` times as wide and high and `power` times as strong in all, its scattering `density` times as strong."""
     here, out = os.path.join(REFERENCE, name), os.path.join(folder, "variant", name)
     os.makedirs(out, exist_ok=True)
     meshes = os.path.normpath(os.path.join(ROOT, "..", "shared", "meshes"))
     text = open(os.path.join(here, "scene.pbrt")).read().replace("../../meshes", meshes)
     text = re.sub(r'("point3 P" \[)([^\]]*)(\])', lambda m: m[1] + scaled_quad(m[2], light) + m[3], text, count=1)
+    radiance = power / light**2
+    text = re.sub(r'(AreaLightSource[^\n]*"(?:rgb|spectrum) L" \[)([^\]]*)', lambda m: m[1] + times(m[2], radiance), text, count=1)
     sigma = {}
     for which in "as":
         found = re.search(rf'"spectrum sigma_{which}" \[ *\S+ (\S+)', text)
@@ -210,19 +217,20 @@ def variant(name, folder, light, density):
     text = re.sub(r'(name="albedo" value=")[^"]*', lambda m: m[1] + repr(sigma["s"] / (sigma["a"] + sigma["s"])), text)
     head, quad = text.split('<shape type="rectangle" name="light">')
     columns = lambda m: m[1] + " ".join(repr(float(v) * (light if i % 4 < 2 and i < 12 else 1)) for i, v in enumerate(m[2].split()))
+    quad = re.sub(r'(name="radiance" value=")([^"]*)', lambda m: m[1] + times(m[2], radiance), quad, count=1)
     text = head + '<shape type="rectangle" name="light">' + re.sub(r'(<matrix value=")([^"]*)', columns, quad, count=1)
     open(os.path.join(out, "scene.xml"), "w").write(text)
     open(os.path.join(out, "mask.exr"), "wb").write(open(os.path.join(here, "mask.exr"), "rb").read())
     return out
 
 
-def efficiency(folder, scenes, spp, seeds, modes, walk, light, density):
+def efficiency(folder, scenes, spp, seeds, modes, walk, light, power, density):
     import numpy as np
     print("efficiency = 1 / (nMSE x CPU s) over the object's pixels; both renderers in turn, same machine, same minutes")
-    if light != 1 or density != 1:
-        print(f"lights {light:g} times as wide and high, scattering {density:g} times as strong")
+    if light != 1 or power is not None or density != 1:
+        print(f"lights {light:g} times as wide and high, {power or light**2:g} times the power, scattering {density:g} times as strong")
     for name in scenes or ["sphere", "dragon", "milk"]:
-        here = variant(name, folder, light, density)
+        here = variant(name, folder, light, light**2 if power is None else power, density)
         mask = gray(os.path.join(here, "mask.exr")) > 0.5
         scene = black_light(os.path.join(here, "scene.pbrt"), folder)
         found = {}
@@ -270,6 +278,7 @@ def main():
     p.add_argument("--subsurface", default="path", help="efficiency: modes, separated by commas")
     p.add_argument("--walk", default="auto", help="efficiency: policy of walks")
     p.add_argument("--light", type=float, default=1.0, help="efficiency: width and height of the light, times the scene's")
+    p.add_argument("--power", type=float, help="efficiency: power of the light, times the scene's; without it the radiance stays")
     p.add_argument("--density", type=float, default=1.0, help="efficiency: scattering coefficient, times the scene's")
     a = p.parse_args()
     if not os.path.isdir(REFERENCE):
@@ -285,7 +294,7 @@ def main():
         if a.what in ("checks", "pictures"):
             pictures(checks, folder, factor, scenes)
         if a.what == "efficiency":
-            efficiency(folder, scenes, a.spp, a.seeds, a.subsurface.split(","), a.walk, a.light, a.density)
+            efficiency(folder, scenes, a.spp, a.seeds, a.subsurface.split(","), a.walk, a.light, a.power, a.density)
     if checks.failed:
         print(f"{checks.failed} checks failed")
         sys.exit(4)

@@ -22,6 +22,7 @@ use crate::connect;
 use crate::interior::{Exit, Interior, Standing};
 use crate::manifold::Manifold;
 use crate::media::Matter;
+use crate::mirrors::{self, Sight};
 use crate::nest::Nest;
 use crate::scene::Scene;
 use crate::snag::Snag;
@@ -191,6 +192,8 @@ pub(crate) struct Path<const N: usize> {
     pub scattered: bool,
     /// Whether the next smooth boundary may be followed on both branches: true up to the first one.
     pub whole: bool,
+    /// What the flight from the camera, or that from its first mirror, leaves to other rays.
+    pub sight: Sight,
     /// The boundary that the last flight left through, where connections compete for the light that it meets next.
     pub escape: Option<Escape>,
     /// Where the next walk's first flight begins, if that is not a wall.
@@ -276,6 +279,38 @@ impl Integrator {
         light: &mut Light<N>,
         counters: &mut Counters,
     ) {
+        self.trace_for(scene, o, d, Sight::All, wavelengths, rng, light, counters);
+    }
+
+    /// Follows one path of a pixel, and rays of their own for the mirror images of lamps where it holds their edges; returns what these found, with the filter's weights.
+    pub(crate) fn trace_pixel<const N: usize>(
+        &self,
+        scene: &Scene,
+        pixel: [u32; 2],
+        (o, d): (Vec3, Vec3),
+        wavelengths: &Wavelengths<N>,
+        rng: &mut Sampler,
+        light: &mut Light<N>,
+        counters: &mut Counters,
+    ) -> Spectrum<N> {
+        let finds = self.policy == Policy::Auto && self.max_depth.is_none();
+        let apart = finds && scene.mirrors().is_near(pixel);
+        let sight = if apart { Sight::First } else { Sight::All };
+        self.trace_for(scene, o, d, sight, wavelengths, rng, light, counters);
+        if apart { mirrors::images(scene, pixel, wavelengths, rng, counters) } else { Spectrum::ZERO }
+    }
+
+    fn trace_for<const N: usize>(
+        &self,
+        scene: &Scene,
+        o: Vec3,
+        d: Vec3,
+        sight: Sight,
+        wavelengths: &Wavelengths<N>,
+        rng: &mut Sampler,
+        light: &mut Light<N>,
+        counters: &mut Counters,
+    ) {
         counters.paths += 1;
         let inside = scene.nest_at(o);
         let [said, found, ambient] = scene.around(&inside, wavelengths);
@@ -291,6 +326,7 @@ impl Integrator {
             seen: false,
             scattered: false,
             whole: true,
+            sight,
             escape: None,
             start: None,
             copies: Vec::new(),

@@ -21,6 +21,7 @@ pub mod lights;
 mod manifold;
 pub mod material;
 mod media;
+mod mirrors;
 pub mod nest;
 pub mod scene;
 pub mod seen;

@@ -24,6 +24,7 @@ use crate::integrator::Policy;
 use crate::lights::{self, Lights};
 use crate::material::Materials;
 use crate::media::{FieldAt, Matter, SceneMedium};
+use crate::mirrors::Mirrors;
 use crate::nest::{Meeting, Nest};
 use crate::texture::{TexturePoint, Textures};
 use crate::vertices::{self, Lit};
@@ -225,6 +226,10 @@ pub struct Scene {
     pub(crate) resolution: [f32; 2],
     /// Laws of scattering with banks, per policy.
     wanted_balls: [OnceLock<Vec<Wanted>>; Policy::ALL.len()],
+    /// Pixels that the file asks for: x0, x1, y0, y1.
+    pub(crate) crop: [u32; 4],
+    /// Pixels with edges of lamps' mirror images, found at first use.
+    mirrors: OnceLock<Mirrors>,
     /// Whether there are clear bodies ([`Object::clear`]).
     pub(crate) has_clear: bool,
     /// Bodies that light is followed into.
@@ -295,6 +300,8 @@ impl Scene {
             pixels: f64::from(d.film.width) * f64::from(d.film.height),
             resolution: [d.film.width as f32, d.film.height as f32],
             wanted_balls: Default::default(),
+            crop: d.film.crop,
+            mirrors: OnceLock::new(),
             has_clear: false,
             lit: OnceLock::new(),
         };
@@ -342,6 +349,11 @@ impl Scene {
             Policy::Auto => self.lit.get_or_init(|| vertices::bodies(self)),
             Policy::Classic | Policy::Jump | Policy::Guided => &[],
         }
+    }
+
+    /// Returns the pixels with edges of lamps' mirror images.
+    pub(crate) fn mirrors(&self) -> &Mirrors {
+        self.mirrors.get_or_init(|| Mirrors::new(self))
     }
 
     /// Returns the bodies of a model on which points are placed.

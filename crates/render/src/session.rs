@@ -179,9 +179,10 @@ fn sample_lanes<const N: usize>(
     let film = moonmilk_core::Vec2::new(pixel[0] as f32 + 0.5 + dx, pixel[1] as f32 + 0.5 + dy);
     let (o, d) = scene.camera.ray(film, lens);
     let mut light = Light::<N>::default();
-    integrator.trace(scene, o, d, &wavelengths, &mut rng, &mut light, counters);
+    let images = integrator.trace_pixel(scene, pixel, (o, d), &wavelengths, &mut rng, &mut light, counters);
     let rgb = |s: Spectrum<N>| wavelengths.to_rgb(s).map(|c| c * weight);
-    let orders = light.orders.map(rgb);
+    let mut orders = light.orders.map(rgb);
+    orders[0] = std::array::from_fn(|c| orders[0][c] + wavelengths.to_rgb(images)[c]);
     PixelSample {
         rgb: std::array::from_fn(|c| orders[0][c] + orders[1][c] + orders[2][c]),
         orders,

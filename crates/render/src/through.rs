@@ -368,10 +368,9 @@ impl<'a> Through<'a> {
         let start = Near { p: walker.p, q, key: rng.stream().bits(), looks: depth <= LOOK_DEPTH };
         if rng.uniform() < q
             && let Some(aim) = self.aim(&start, w, counters)
+            && let Some(radiance) = self.sample(&aim, &start, walker, medium, beta, vertex, within, w, rng, counters)
         {
-            if let Some(radiance) = self.sample(&aim, &start, walker, medium, beta, vertex, within, w, rng, counters) {
-                light.add(walker.collisions, radiance);
-            }
+            light.add(walker.collisions, radiance);
         }
         Start::Near(start)
     }

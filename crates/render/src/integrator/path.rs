@@ -7,6 +7,7 @@ use moonmilk_walk::Walker;
 use super::{Counters, Path};
 use crate::interior::Standing;
 use crate::media::Matter;
+use crate::mirrors::Sight;
 use crate::nest::Nest;
 use crate::scene::{Object, Scene};
 use crate::texture::TexturePoint;
@@ -33,6 +34,7 @@ impl<const N: usize> Path<N> {
             seen: true,
             scattered: true,
             whole: false,
+            sight: Sight::All,
             escape: None,
             start: None,
             copies: Vec::new(),
@@ -53,6 +55,7 @@ impl<const N: usize> Path<N> {
             seen: self.seen,
             scattered: true,
             whole: self.whole,
+            sight: Sight::All,
             escape: None,
             start: Some(start),
             copies: Vec::new(),

@@ -10,6 +10,7 @@ use crate::bsdf::{Bsdf, Crossing, Kind, Shaded, lambert};
 use crate::bssrdf::{Arriving, Bank, Exit, Slant};
 use crate::connect;
 use crate::interior::Standing;
+use crate::mirrors::{self, Sight};
 use crate::nest::{Meeting, Nest};
 use crate::scene::{Boundary, Object, Scene};
 use crate::texture::TexturePoint;
@@ -62,6 +63,7 @@ impl Integrator {
         let object = &scene.objects[hit.shape as usize];
         let wo = -path.walker.d;
         let escape = path.escape.take();
+        let sight = std::mem::take(&mut path.sight);
 
         let point = TexturePoint { p: surface.p, n: surface.ng, uv: surface.uv };
         // Let rays through what is cut out: in and out of a body, too, which they are not in then.
@@ -94,7 +96,8 @@ impl Integrator {
         }
 
         // Add what the surface emits, shared with light sampling.
-        if let Some(l) = light_here {
+        let elsewhere = sight == Sight::Mirrored && object.alpha.is_none();
+        if let Some(l) = light_here.filter(|_| !elsewhere) {
             let radiance = scene.lights.emitted(l, surface.uv, surface.ng, wo, wavelengths);
             if !radiance.is_black() {
                 let share = match (path.walker.direction_pdf, escape) {
@@ -141,14 +144,19 @@ impl Integrator {
             let eta = eta / outer;
             let surface = &Surface { ns: scene.boundary_normal(object, surface), ..*surface };
             let first = std::mem::take(&mut path.whole);
+            let apart = sight == Sight::First
+                && light_here.is_none()
+                && mirrors::reflects(object, &hit, &path.inside).is_some();
+            let mirrored = if apart { Sight::Mirrored } else { Sight::All };
             let outcome = if first {
-                self.split(scene, path, hit, surface, eta, wavelengths, rng, light, counters)
+                self.split(scene, path, hit, surface, eta, mirrored, wavelengths, rng, light, counters)
             } else {
                 crate::bsdf::cross(wo, surface.ng, surface.ns, eta, rng)
             };
             match outcome {
                 Crossing::Reflected(d) => {
                     path.turn(d, None);
+                    path.sight = mirrored;
                     path.stand(object, hit, wo.dot(surface.ng) > 0.0);
                 }
                 Crossing::Transmitted(_) if bank.is_some() => {
@@ -226,6 +234,7 @@ impl Integrator {
         hit: Hit,
         surface: &Surface,
         eta: f32,
+        sight: Sight,
         wavelengths: &Wavelengths<N>,
         rng: &mut Sampler,
         light: &mut Light<N>,
@@ -254,6 +263,7 @@ impl Integrator {
             (Some(Crossing::Reflected(d)), Some(other)) => {
                 let mut mirror = path.clone();
                 mirror.copies = Vec::new();
+                mirror.sight = sight;
                 mirror.walker.beta *= reflected;
                 mirror.turn(d, None);
                 mirror.stand(&scene.objects[hit.shape as usize], hit, wo.dot(surface.ng) > 0.0);

@@ -19,6 +19,7 @@ mod instances;
 mod jumps;
 mod lamps;
 mod limits;
+mod mirrors;
 mod nested;
 mod path_length;
 mod profiles;
