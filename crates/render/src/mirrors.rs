@@ -5,9 +5,10 @@
 //! next, may meet a lamp. There a sample sends [`SIDE`] squared rays of its own, spread over the pixel filter, each to the boundary and to the lamp and no farther, and its path leaves out what they look for: a lamp
 //! that is the first thing met after the reflection at the first boundary. A pixel that is judged wrongly is noisier, not wrong.
 
+use std::sync::OnceLock;
+
 use moonmilk_core::{Random, Sampler, Spectrum, Stream, Vec2, Vec3, Wavelengths};
 use moonmilk_geometry::{Hit, Ray, Surface};
-use rayon::prelude::*;
 
 use crate::bsdf::Crossing;
 use crate::bsdf::boundary::branches;
@@ -23,6 +24,8 @@ const SIDE: u32 = 4;
 const PILOT: u32 = 4;
 /// Most lamps that are looked for: images of more are everywhere.
 const LAMPS: usize = 16;
+/// Side of the squares of pixels that are looked at together.
+const BLOCK: u32 = 32;
 /// Largest angle that reflected directions of one pixel are taken to differ by, and the least \[rad\].
 const WIDEST: f32 = 1.0;
 const LEAST: f32 = 0.02;
@@ -42,8 +45,11 @@ pub(crate) enum Sight {
 /// The pixels with edges of mirror images.
 #[derive(Debug, Default)]
 pub(crate) struct Mirrors {
-    crop: [u32; 4],
-    near: Vec<bool>,
+    /// Spheres around the lamps.
+    lamps: Vec<(Vec3, f32)>,
+    /// Blocks of pixels in a row, and what is known of each; none where there are no such images.
+    across: u32,
+    blocks: Vec<OnceLock<Vec<bool>>>,
 }
 
 /// Returns the relative index of a boundary whose mirror images other rays may look for, met from outside.
@@ -126,9 +132,8 @@ fn beside(images: &[Option<Image>], width: usize, i: usize) -> impl Iterator<Ite
 }
 
 impl Mirrors {
-    /// Finds the pixels of a scene's crop with edges of mirror images.
+    /// Returns the map of a scene, of which no pixel is known yet.
     pub fn new(scene: &Scene) -> Self {
-        let crop @ [x0, x1, y0, y1] = scene.crop;
         let lamps: Vec<(Vec3, f32)> = (0..scene.objects.len() as u32)
             .filter(|&i| scene.lights.light_of(i, 0).is_some() && scene.objects[i as usize].alpha.is_none())
             .map(|i| scene.accel.shape_bounds(i))
@@ -140,36 +145,41 @@ impl Mirrors {
         let eye = scene.camera.origin();
         let outside = scene.camera_medium.is_none() && scene.nest_at(eye).bodies().is_empty();
         if lamps.is_empty() || lamps.len() > LAMPS || !outside || !scene.objects.iter().any(mirror) {
-            return Self { crop, near: vec![] };
+            return Self::default();
         }
-        let width = (x1 - x0) as usize;
-        let images: Vec<Option<Image>> = (y0..y1)
-            .into_par_iter()
-            .flat_map_iter(|y| (x0..x1).map(move |x| Vec2::new(x as f32 + 0.5, y as f32 + 0.5)))
-            .map(|film| {
-                let (o, d) = scene.camera.ray(film, [0.5; 2]);
-                Image::new(scene, o, d)
-            })
-            .collect();
-        let near = (0..images.len())
-            .into_par_iter()
-            .map(|i| {
-                let all = || beside(&images, width, i).flatten();
-                // Of every pixel next to it, the image may reach into this one.
-                let may = all().any(|image| image.gap(&lamps) < image.spread(beside(&images, width, i)));
-                may && has_edge(scene, &lamps, x0 + (i % width) as u32, y0 + (i / width) as u32)
-            })
-            .collect();
-        Self { crop, near }
+        let [across, down] = scene.resolution.map(|n| (n as u32).div_ceil(BLOCK));
+        Self { lamps, across, blocks: (0..across * down).map(|_| OnceLock::new()).collect() }
     }
 
     /// Returns whether a pixel holds the edge of a mirror image.
-    pub fn is_near(&self, [x, y]: [u32; 2]) -> bool {
-        let [x0, x1, y0, y1] = self.crop;
-        !self.near.is_empty()
-            && (x0..x1).contains(&x)
-            && (y0..y1).contains(&y)
-            && self.near[((y - y0) * (x1 - x0) + x - x0) as usize]
+    pub fn is_near(&self, scene: &Scene, [x, y]: [u32; 2]) -> bool {
+        let block = self.blocks.get((y / BLOCK * self.across + x / BLOCK) as usize);
+        // Whoever comes first finds out for the block, alone: threads that wait for each other inside of it would never end.
+        let find = || self.find(scene, [x / BLOCK * BLOCK, y / BLOCK * BLOCK]);
+        block.is_some_and(|b| b.get_or_init(find)[(y % BLOCK * BLOCK + x % BLOCK) as usize])
+    }
+
+    /// Finds out for a block from its first pixel.
+    fn find(&self, scene: &Scene, [x0, y0]: [u32; 2]) -> Vec<bool> {
+        // Of every pixel next to it the image may reach into one, and spreads are those among pixels next to that.
+        const WIDTH: usize = BLOCK as usize + 4;
+        let images: Vec<Option<Image>> = (0..WIDTH * WIDTH)
+            .map(|i| {
+                let [x, y] = [x0 as f32 + (i % WIDTH) as f32 - 1.5, y0 as f32 + (i / WIDTH) as f32 - 1.5];
+                let (o, d) = scene.camera.ray(Vec2::new(x, y), [0.5; 2]);
+                Image::new(scene, o, d)
+            })
+            .collect();
+        let may: Vec<bool> = (0..images.len())
+            .map(|i| images[i].is_some_and(|m| m.gap(&self.lamps) < m.spread(beside(&images, WIDTH, i))))
+            .collect();
+        (0..BLOCK * BLOCK)
+            .map(|i| {
+                let (x, y) = (i % BLOCK, i / BLOCK);
+                let at = |u: u32, v: u32| may[(y + 1 + v) as usize * WIDTH + (x + 1 + u) as usize];
+                (0..3).any(|v| (0..3).any(|u| at(u, v))) && has_edge(scene, &self.lamps, x0 + x, y0 + y)
+            })
+            .collect()
     }
 }
 

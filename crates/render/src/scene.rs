@@ -226,8 +226,6 @@ pub struct Scene {
     pub(crate) resolution: [f32; 2],
     /// Laws of scattering with banks, per policy.
     wanted_balls: [OnceLock<Vec<Wanted>>; Policy::ALL.len()],
-    /// Pixels that the file asks for: x0, x1, y0, y1.
-    pub(crate) crop: [u32; 4],
     /// Pixels with edges of lamps' mirror images, found at first use.
     mirrors: OnceLock<Mirrors>,
     /// Whether there are clear bodies ([`Object::clear`]).
@@ -300,7 +298,6 @@ impl Scene {
             pixels: f64::from(d.film.width) * f64::from(d.film.height),
             resolution: [d.film.width as f32, d.film.height as f32],
             wanted_balls: Default::default(),
-            crop: d.film.crop,
             mirrors: OnceLock::new(),
             has_clear: false,
             lit: OnceLock::new(),

@@ -52,7 +52,7 @@ mod frame;
 mod onward;
 
 use frame::{Aim, Frame};
-pub(crate) use onward::{Within, is_clear, transmitted};
+pub(crate) use onward::{Within, is_clear, transmit, transmitted};
 
 /// Longest flight that connections and looks compete for [mean free paths of the hero]; longer ones carry exp(-8) and are left to chance.
 const REACH: f32 = 8.0;
@@ -401,7 +401,7 @@ impl<'a> Through<'a> {
         let surface = scene.accel.surface(&ray, &hit);
         let ns = scene.boundary_normal(&scene.objects[hit.shape as usize], &surface);
         // Take one of the transmitted outcomes in proportion to its probability.
-        let (d, p, transmitted) = onward::transmit(-omega, surface.ng, ns, self.eta, || u[4])?;
+        let (d, p, transmitted) = transmit(-omega, surface.ng, ns, self.eta, || u[4])?;
         let t = medium.transmittance(hit.t);
         // A look finds the path whenever its flight takes this direction, chance if it gets through and crosses as well.
         let looks = hit.t <= self.sight(&Start::Near(*start), walker.p, omega);

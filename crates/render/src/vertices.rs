@@ -28,7 +28,6 @@ use moonmilk_walk::jump::Scattering;
 use moonmilk_walk::{Medium, Outcome, PhaseFunction, Roulette, Tally, Walker, classic};
 use rayon::prelude::*;
 
-use crate::bsdf::boundary::branches;
 use crate::bsdf::{Crossing, cross};
 use crate::cloud::{self, Point, Tree};
 use crate::integrator::{Counters, Integrator};
@@ -37,6 +36,7 @@ use crate::media::Matter;
 use crate::nest::{Inside, Meeting, Nest};
 use crate::scene::{Boundary, Scene};
 use crate::texture::TexturePoint;
+use crate::through;
 use crate::touch::{self, Arrival};
 
 mod fit;
@@ -294,19 +294,9 @@ impl<const N: usize> Beam<N> {
         let (eta, d, share) = match (object.boundary, outside) {
             (Boundary::Smooth { eta }, Meeting::True(outer)) => {
                 let eta = eta / outer;
-                let outcomes = branches(self.wi, s.ng, scene.boundary_normal(object, s), eta);
-                let crosses = |c: &Crossing| matches!(c, Crossing::Transmitted(_));
-                let share: f32 = outcomes.iter().filter(|b| crosses(&b.1)).map(|b| b.0).sum();
-                let mut left = rng.uniform() * share;
-                let mut d = None;
-                for (p, c) in outcomes.iter().filter(|b| crosses(&b.1) && b.0 > 0.0) {
-                    d = Some(c.direction());
-                    left -= p;
-                    if left < 0.0 {
-                        break;
-                    }
-                }
-                let Some(d) = d else { return [0, 0] };
+                let u = rng.uniform();
+                let ns = scene.boundary_normal(object, s);
+                let Some((d, _, share)) = through::transmit(self.wi, s.ng, ns, eta, || u) else { return [0, 0] };
                 (Some(eta), d, share)
             }
             _ => (None, -self.wi, 1.0),

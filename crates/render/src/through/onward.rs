@@ -4,8 +4,8 @@
 //! take the same ways through them: at each a transmitted outcome. With P_i the probability of the one taken at boundary i and tau_i that of all transmitted ones there, a connection or a look draws it with
 //! P_i / tau_i, chance with P_i, so that what they are shared by changes by the product of all tau_i alone. What a boundary reflects, what scatters, and what lies beyond [`MOST`] boundaries is left to chance.
 
-use moonmilk_core::{Sampler, Spectrum, Vec3, Wavelengths};
-use moonmilk_geometry::Hit;
+use moonmilk_core::{Random, Sampler, Spectrum, Vec3, Wavelengths};
+use moonmilk_geometry::{Hit, Surface};
 
 use super::Through;
 use crate::bsdf::Crossing;
@@ -17,8 +17,6 @@ use crate::nest::{Meeting, Nest};
 use crate::scene::{Boundary, Object, Scene};
 use crate::texture::TexturePoint;
 use crate::touch;
-use moonmilk_core::Random;
-use moonmilk_geometry::Surface;
 
 /// Most boundaries and lamps of opacity 0 that a way to light passes, the body's own left out.
 pub(super) const MOST: u32 = 8;
@@ -47,7 +45,7 @@ pub(crate) fn transmitted(wo: Vec3, ng: Vec3, ns: Vec3, eta: f32) -> f32 {
 }
 
 /// Returns the direction of a transmitted outcome, drawn in proportion to its probability, with that and their total; `None` where all is reflected.
-pub(super) fn transmit(wo: Vec3, ng: Vec3, ns: Vec3, eta: f32, mut u: impl FnMut() -> f32) -> Option<(Vec3, f32, f32)> {
+pub(crate) fn transmit(wo: Vec3, ng: Vec3, ns: Vec3, eta: f32, mut u: impl FnMut() -> f32) -> Option<(Vec3, f32, f32)> {
     let outcomes = branches(wo, ng, ns, eta);
     let possible = |b: &&(f32, Crossing)| super::is_transmitted(&b.1) && b.0 > 0.0;
     let total: f32 = outcomes.iter().filter(possible).map(|b| b.0).sum();
