@@ -265,8 +265,7 @@ impl<'a> Through<'a> {
         match (start, pdf) {
             // A flight that crossed a ball began before it.
             (Start::Near(start), Some(pdf)) if t + p.distance(start.p) <= self.reach() => {
-                let outcomes = branches(-omega, ng, ns, self.eta);
-                let transmitted = outcomes.iter().filter(|b| is_transmitted(&b.1)).map(|b| b.0).sum();
+                let transmitted = transmitted(-omega, ng, ns, self.eta);
                 let (object, index, sigma_t) = (self.object, self.index, self.sigma_t);
                 let rival = Rival::Chance { object, index, sigma_t, start, omega, pdf, transmitted };
                 Some(Escape { rival, passed: 0 })

@@ -137,9 +137,13 @@ impl Through<'_> {
         for _ in 0..=MOST {
             counters.shadow_rays += 1;
             let Some((hit, s, distance)) = way.next() else {
-                let radiance = lights.aimed_environment(way.p, way.d, w);
+                // A medium that absorbs, all the way to infinity, lets nothing through.
+                if let Some(Matter::Homogeneous(m)) = &way.medium {
+                    way.t *= m.sigma_t.map(|s| if s > 0.0 { 0.0 } else { 1.0 });
+                }
+                let radiance = lights.aimed_environment(way.p, way.d, w) * way.t;
                 if !radiance.is_black() {
-                    found(radiance * way.t, way.transmitted);
+                    found(radiance, way.transmitted);
                 }
                 return;
             };

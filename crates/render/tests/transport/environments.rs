@@ -240,3 +240,18 @@ fn a_wall_before_a_bright_spot_shades_it() {
     world.surface(&rectangle(SUN * 2.0, Vec3::X * 0.7, Vec3::Y * 0.4), black);
     assert_chance_agrees("shade", &world, Policy::Classic, [30_000, 100_000]);
 }
+
+#[test]
+fn no_light_from_infinity_gets_through_a_haze_that_absorbs() {
+    // Through all of space, to milk and out of it again: nothing, by connections as by chance.
+    let mut world = World::new();
+    let (milk, haze) = (world.medium(0.05, 5.0, 0.3), world.medium(0.1, 0.0, 0.0));
+    let glass = world.dielectric(1.4, 0.0);
+    world.body(&ball(1.0), glass, Some(milk), Some(haze));
+    world.0.camera.medium = Some(haze);
+    with_bright_spot(&mut world);
+    let tracer = world.tracer();
+    let sum: f64 = (0..500).map(|i| tracer.radiance(i, EYE, -EYE.normalize())).sum();
+    assert_eq!(sum, 0.0);
+    assert!(tracer.counters().shadow_rays > 0, "connections are made");
+}
