@@ -19,6 +19,7 @@ use crate::scene::{Object, Scene};
 use crate::snag::Snag;
 use crate::texture::TexturePoint;
 use crate::through::{self, Ahead, Start, Through, Within};
+use crate::tint::Lanes;
 use crate::touch;
 use crate::vertices::Seen;
 use crate::window::Window;
@@ -331,10 +332,31 @@ pub(crate) struct InMedium<'a, 'b, const N: usize> {
     /// Splitting by importance, the copies of the walker still to be followed, and where their flights begin.
     pub window: Option<Window<'a>>,
     pub copies: Vec<(Walker<N>, Start)>,
+    /// The lanes when the walk began, where they may part.
+    pub lanes: Option<Lanes<N>>,
     /// Weight of lights without extent.
     pub unseen: f32,
     /// Jumps through the core of the body.
     pub core: Option<Core<N>>,
+}
+
+impl<const N: usize> InMedium<'_, '_, N> {
+    /// Notes what the lanes have drifted to at the end of the walk.
+    #[inline]
+    pub fn settle(&mut self, walker: &Walker<N>) {
+        if let Some(lanes) = &mut self.lanes {
+            lanes.settle(walker, self.light);
+        }
+    }
+
+    /// Notes that several copies of the walker go on, of which each drifts by itself.
+    #[inline]
+    fn divided(&mut self, walker: &Walker<N>, copies: u32) -> Option<u32> {
+        if copies > 1 {
+            self.settle(walker);
+        }
+        Some(copies)
+    }
 }
 
 impl<const N: usize, P: PhaseFunction> Tally<N, Sampler, P> for InMedium<'_, '_, N> {
@@ -347,6 +369,7 @@ impl<const N: usize, P: PhaseFunction> Tally<N, Sampler, P> for InMedium<'_, '_,
 
     #[inline]
     fn collision(&mut self, walker: &mut Walker<N>, medium: &Medium<N, P>, arrived: Spectrum<N>, rng: &mut Sampler) {
+        self.settle(walker);
         if let Some(emission) = medium.emission {
             self.light.add(walker.collisions - 1, arrived * medium.sigma_a * emission);
         }
@@ -362,6 +385,7 @@ impl<const N: usize, P: PhaseFunction> Tally<N, Sampler, P> for InMedium<'_, '_,
         vertex: &Leaning<'_, N, P>,
         rng: &mut Sampler,
     ) {
+        self.settle(walker);
         if let Some(emission) = medium.emission {
             self.light.add(walker.collisions - 1, arrived * medium.sigma_a * emission);
         }
@@ -370,6 +394,7 @@ impl<const N: usize, P: PhaseFunction> Tally<N, Sampler, P> for InMedium<'_, '_,
 
     #[inline]
     fn exit(&mut self, walker: &mut Walker<N>, medium: &Medium<N, P>, exit: &jump::Exit<N>, rng: &mut Sampler) {
+        self.settle(walker);
         self.counters.jumps += 1;
         self.find_light(walker, medium, walker.beta, exit, rng);
     }
@@ -392,17 +417,18 @@ impl<const N: usize, P: PhaseFunction> Tally<N, Sampler, P> for InMedium<'_, '_,
             let depth = medium.sigma_t[0] * walker.room.max(self.interior.room_at(walker.p));
             self.interior.set_start(through::landed(depth));
         }
-        let window = self.window.as_ref()?;
-        Some(window.divide(walker, rng, self.counters))
+        let copies = self.window.as_ref()?.divide(walker, rng, self.counters);
+        self.divided(walker, copies)
     }
 
     #[inline]
     fn copies(&mut self, walker: &mut Walker<N>, rng: &mut Sampler) -> Option<u32> {
         if let Some(seen) = &self.seen {
-            return seen.copies(walker);
+            let copies = seen.copies(walker)?;
+            return self.divided(walker, copies);
         }
-        let window = self.window.as_ref()?;
-        Some(window.copies(walker, rng, self.counters))
+        let copies = self.window.as_ref()?.copies(walker, rng, self.counters);
+        self.divided(walker, copies)
     }
 
     fn copy(&mut self, walker: &Walker<N>) {

@@ -28,6 +28,7 @@ use crate::scene::Scene;
 use crate::snag::Snag;
 use crate::texture::TexturePoint;
 use crate::through::{Escape, Start, Through};
+use crate::tint::Lanes;
 use crate::touch;
 use crate::vertices::Vertices;
 use crate::window::Window;
@@ -73,6 +74,8 @@ pub struct Integrator {
 pub struct Light<const N: usize> {
     /// Radiance after 0, 1, and 2 or more collisions.
     pub orders: [Spectrum<N>; 3],
+    /// What the densities of the lanes drifted to, times the weight; 0 on average (`tint.rs`).
+    pub drift: Spectrum<N>,
     /// Albedo of the first surface.
     pub albedo: Spectrum<N>,
     /// Shading normal of the first surface.
@@ -83,7 +86,13 @@ pub struct Light<const N: usize> {
 
 impl<const N: usize> Default for Light<N> {
     fn default() -> Self {
-        Self { orders: [Spectrum::ZERO; 3], albedo: Spectrum::ZERO, normal: Vec3::ZERO, depth: 0.0 }
+        Self {
+            orders: [Spectrum::ZERO; 3],
+            drift: Spectrum::ZERO,
+            albedo: Spectrum::ZERO,
+            normal: Vec3::ZERO,
+            depth: 0.0,
+        }
     }
 }
 
@@ -225,6 +234,7 @@ impl Integrator {
         let apart = finds && scene.mirrors().is_near(scene, pixel);
         let sight = if apart { Sight::First } else { Sight::All };
         self.trace_for(scene, o, d, sight, wavelengths, rng, light, counters);
+        scene.tints().take_off(scene, pixel, wavelengths, light);
         if apart { mirrors::images(scene, pixel, wavelengths, rng, counters) } else { Spectrum::ZERO }
     }
 
@@ -380,6 +390,7 @@ impl Integrator {
             seen,
             window,
             copies: Vec::new(),
+            lanes: (!medium.is_gray()).then(|| Lanes::of(&path.walker)),
             unseen: 1.0,
             core: if scene.hybrid { Core::new(&medium, hybrid::DEPTH) } else { None },
         };
@@ -399,6 +410,7 @@ impl Integrator {
             None => classic::walk_with(&interior, &medium, jumps.as_ref(), &limits, &mut path.walker, &mut tally, rng),
             Some(s) => classic::walk(&interior, &medium.under(&s.law), &limits, &mut path.walker, &mut tally, rng),
         };
+        tally.settle(&path.walker);
         let copies = std::mem::take(&mut tally.copies);
         for (walker, start) in copies {
             let copy = path.copy(walker, start, collisions);

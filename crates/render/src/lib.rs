@@ -29,6 +29,7 @@ pub mod session;
 mod snag;
 pub mod texture;
 mod through;
+mod tint;
 mod touch;
 mod vertices;
 pub mod walks;

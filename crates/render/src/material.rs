@@ -101,6 +101,11 @@ impl Materials {
         Ok(Self { list, smooth_eta })
     }
 
+    /// Returns whether some boundary refracts colours apart.
+    pub(crate) fn disperses(&self) -> bool {
+        self.list.iter().any(|m| m.index.as_ref().is_some_and(|i| i.dispersive))
+    }
+
     /// Returns the materials with a measured albedo that exceeds 1 and is cut there, with its maximum.
     pub(crate) fn cuts(&self) -> impl Iterator<Item = (MaterialId, f32)> {
         self.list.iter().enumerate().filter_map(|(id, m)| m.cut.map(|x| (id, x)))

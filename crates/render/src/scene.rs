@@ -27,6 +27,7 @@ use crate::media::{FieldAt, Matter, SceneMedium};
 use crate::mirrors::Mirrors;
 use crate::nest::{Meeting, Nest};
 use crate::texture::{TexturePoint, Textures};
+use crate::tint::Tints;
 use crate::vertices::{self, Lit};
 pub use error::SceneError;
 use instances::Built;
@@ -228,6 +229,7 @@ pub struct Scene {
     wanted_balls: [OnceLock<Vec<Wanted>>; Policy::ALL.len()],
     /// Pixels with edges of lamps' mirror images, found at first use.
     mirrors: OnceLock<Mirrors>,
+    tints: OnceLock<Tints>,
     /// Whether there are clear bodies ([`Object::clear`]).
     pub(crate) has_clear: bool,
     /// Bodies that light is followed into.
@@ -299,6 +301,7 @@ impl Scene {
             resolution: [d.film.width as f32, d.film.height as f32],
             wanted_balls: Default::default(),
             mirrors: OnceLock::new(),
+            tints: OnceLock::new(),
             has_clear: false,
             lit: OnceLock::new(),
         };
@@ -351,6 +354,11 @@ impl Scene {
     /// Returns the pixels with edges of lamps' mirror images.
     pub(crate) fn mirrors(&self) -> &Mirrors {
         self.mirrors.get_or_init(|| Mirrors::new(self))
+    }
+
+    /// Returns what is known of the noise of colour in each block of pixels.
+    pub(crate) fn tints(&self) -> &Tints {
+        self.tints.get_or_init(|| Tints::new(self))
     }
 
     /// Returns the bodies of a model on which points are placed.

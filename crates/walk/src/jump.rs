@@ -201,15 +201,14 @@ impl<'a, const N: usize> Jumps<'a, N> {
     /// *Source*: measured on the reference scenes at 1, 10 and 100 times their density.
     pub fn pays(&self, depth: f32) -> bool {
         match self.bank {
-            // Where lanes differ the hero goes on alone, with more noise of colour than jumps spare time.
-            Some(_) => self.gray && depth > THICK_FORWARD * self.least,
+            Some(_) => depth > THICK_FORWARD * self.least,
             None => depth > THICK * self.least,
         }
     }
 
     /// Returns whether jumps by a bank of the medium's law would pay in a body that is that deep.
     pub fn pays_by_bank<P>(medium: &Medium<N, P>, depth: f32) -> bool {
-        medium.sigma_t.is_gray() && depth * medium.sigma_t[0] > THICK_FORWARD * bank::radius(medium.g, 0)
+        depth * medium.sigma_t.min_value() > THICK_FORWARD * bank::radius(medium.g, 0)
     }
 
     /// Returns the bank of exits, if they come from one.

@@ -9,6 +9,7 @@ use crate::description::MediumId;
 use crate::interior::Interior;
 use crate::media::Matter;
 use crate::scene::Scene;
+use crate::tint::Lanes;
 
 impl Integrator {
     /// Walks through a field until a wall leaves something to decide; returns whether the path goes on.
@@ -43,11 +44,13 @@ impl Integrator {
             seen: None,
             window: None,
             copies: Vec::new(),
+            lanes: Some(Lanes::of(&path.walker)),
             unseen: 1.0,
             core: None,
         };
         let limits = classic::Limits { roulette: self.roulette, collisions: collisions.saturating_add(limit) };
         let outcome = heterogeneous::walk(&interior, &field, &limits, &mut path.walker, &mut tally, rng);
+        tally.settle(&path.walker);
         counters.segments += interior.segments();
         let outcome = match outcome {
             Outcome::Left(Some(exit)) => Outcome::Left(exit),

@@ -15,6 +15,7 @@ use crate::nest::{Meeting, Nest};
 use crate::scene::{Boundary, Object, Scene};
 use crate::texture::TexturePoint;
 use crate::through;
+use crate::tint::Lanes;
 use crate::touch::{self, Arrival};
 
 /// Returns a surface with its other side outward.
@@ -189,7 +190,9 @@ impl Integrator {
             d.eta /= outer;
         }
         if bsdf.bsdf.wavelength_dependent() {
+            let mut lanes = Lanes::of(&path.walker);
             path.walker.hero_only();
+            lanes.settle(&path.walker, light);
         }
         let both_sides = bsdf.bsdf.transmits();
         if !bsdf.bsdf.is_specular() {
