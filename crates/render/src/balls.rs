@@ -24,8 +24,8 @@ const PER_PIXEL: f64 = 0.125;
 const RECORDS: [f64; 2] = [256.0, 8192.0];
 /// Collisions per record grow with the transport mean free path; above this asymmetry there are fewer records, at the same cost.
 const DEAR: f64 = 0.9;
-/// Records simulated together.
-const BATCH: u32 = 64;
+/// Records of the first level simulated together; the largest have a sixteenth of them, still more than walks that are advanced at a time.
+const BATCH: u32 = 256;
 /// Largest balls over the depth of a body in mean free paths at one place and wavelength.
 const MARGIN: f32 = 1.2;
 /// Most different media with banks.
