@@ -23,11 +23,10 @@ use crate::interior::{Exit, Interior, Standing};
 use crate::manifold::Manifold;
 use crate::media::Matter;
 use crate::mirrors::{self, Sight};
-use crate::nest::Nest;
 use crate::scene::Scene;
 use crate::snag::Snag;
 use crate::texture::TexturePoint;
-use crate::through::{Escape, Start, Through};
+use crate::through::Through;
 use crate::tint::Lanes;
 use crate::touch;
 use crate::vertices::Vertices;
@@ -35,11 +34,13 @@ use crate::window::Window;
 
 mod counters;
 mod field;
+mod flight;
 mod path;
 pub(crate) mod policy;
 mod surface;
 
 pub use counters::Counters;
+pub(crate) use path::Path;
 pub use policy::Policy;
 
 /// Number of events after which a path is given up and counted: no path of a scene with any loss gets there.
@@ -102,41 +103,6 @@ impl<const N: usize> Light<N> {
     pub fn add(&mut self, collisions: u32, radiance: Spectrum<N>) {
         self.orders[collisions.min(2) as usize] += radiance;
     }
-}
-
-/// A path on its way.
-#[derive(Clone)]
-pub(crate) struct Path<const N: usize> {
-    pub walker: Walker<N>,
-    /// Medium around the walker, `None` for vacuum.
-    pub medium: Option<Matter<N>>,
-    /// Medium around all bodies that the walker is inside of.
-    pub ambient: Option<Matter<N>>,
-    /// Bodies that the walker is inside of.
-    pub inside: Nest,
-    /// Surface that the walker stands on.
-    pub standing: Standing,
-    /// Normal at the point where the last direction was drawn, for the density of light sampling; `None` inside media and at
-    /// boundaries that light can cross.
-    pub normal: Option<Vec3>,
-    /// Bounces, as pbrt counts them.
-    pub depth: u32,
-    /// Surface bounces since the start.
-    pub bounces: u32,
-    /// Whether a surface was seen.
-    pub seen: bool,
-    /// Whether anything on its way has scattered it: only then lamps of opacity 0 count that it passes. Collisions are counted elsewhere.
-    pub scattered: bool,
-    /// Whether the next smooth boundary may be followed on both branches: true up to the first one.
-    pub whole: bool,
-    /// What the flight from the camera, or that from its first mirror, leaves to other rays.
-    pub sight: Sight,
-    /// The boundary that the last flight left through, where connections compete for the light that it meets next.
-    pub escape: Option<Escape>,
-    /// Where the next walk's first flight begins, if that is not a wall.
-    pub start: Option<Start>,
-    /// Copies of the path that are still to be followed.
-    pub copies: Vec<Path<N>>,
 }
 
 impl Integrator {
@@ -477,89 +443,6 @@ impl Integrator {
                 }
             }
         }
-    }
-
-    /// Goes to the next surface through vacuum.
-    fn step_outside<const N: usize>(
-        &self,
-        scene: &Scene,
-        path: &mut Path<N>,
-        wavelengths: &Wavelengths<N>,
-        rng: &mut Sampler,
-        light: &mut Light<N>,
-        counters: &mut Counters,
-    ) -> bool {
-        counters.rays += 1;
-        let ray = path.standing.ray(scene, path.walker.p, path.walker.d);
-        match touch::nearest(scene, &path.inside, ray) {
-            Some((hit, surface, _)) => {
-                path.walker.p = surface.p;
-                self.meet(scene, path, hit, &surface, wavelengths, rng, light, counters)
-            }
-            None => {
-                self.environment(scene, path, wavelengths, light, counters);
-                false
-            }
-        }
-    }
-
-    /// Goes to the next surface through a medium that absorbs (and emits) but does not scatter: attenuation in closed form.
-    fn step_absorbing<const N: usize>(
-        &self,
-        scene: &Scene,
-        path: &mut Path<N>,
-        medium: &Medium<N>,
-        wavelengths: &Wavelengths<N>,
-        rng: &mut Sampler,
-        light: &mut Light<N>,
-        counters: &mut Counters,
-    ) -> bool {
-        counters.rays += 1;
-        let ray = path.standing.ray_inside(scene, path.inside.innermost(), path.walker.p, path.walker.d);
-        let next = touch::nearest(scene, &path.inside, ray);
-        let t = next.as_ref().map_or(f32::INFINITY, |n| n.2);
-        let transmittance = medium.transmittance(t);
-        if let Some(emission) = medium.emission {
-            // Integrate sigma_a L_e exp(-sigma_a s) along the segment.
-            light.add(path.walker.collisions, path.walker.beta * emission * medium.sigma_t.map(|s| -(-s * t).exp_m1()));
-        }
-        path.walker.beta *= transmittance;
-        match next {
-            Some((hit, surface, _)) if !path.walker.beta.is_black() => {
-                path.walker.p = surface.p;
-                self.meet(scene, path, hit, &surface, wavelengths, rng, light, counters)
-            }
-            Some(_) => false,
-            None => {
-                self.environment(scene, path, wavelengths, light, counters);
-                false
-            }
-        }
-    }
-
-    /// Adds the radiance of infinite lights.
-    fn environment<const N: usize>(
-        &self,
-        scene: &Scene,
-        path: &Path<N>,
-        wavelengths: &Wavelengths<N>,
-        light: &mut Light<N>,
-        counters: &mut Counters,
-    ) {
-        // A portal asks for the line: it starts where the direction was drawn, or at the last smooth boundary.
-        let from = if path.walker.direction_pdf.is_some() { path.walker.scatter_point } else { path.walker.p };
-        let even = scene.lights.even_environment(path.walker.d, wavelengths);
-        let aimed = scene.lights.aimed_environment(from, path.walker.d, wavelengths);
-        let radiance = match (path.walker.direction_pdf, path.escape) {
-            (Some(pdf), _) => {
-                let sampled = scene.lights.pdf_environment(path.walker.scatter_point, path.normal, path.walker.d);
-                (even + aimed) * balance(pdf, sampled)
-            }
-            // Connections and looks leave the even part to chance.
-            (None, Some(escape)) if !aimed.is_black() => even + aimed * escape.share(scene, wavelengths, counters),
-            (None, _) => even + aimed,
-        };
-        light.add(path.walker.collisions, path.walker.beta * radiance);
     }
 }
 

@@ -4,15 +4,50 @@ use moonmilk_core::{Random, Sampler, Vec3, Wavelengths};
 use moonmilk_geometry::{Facing, Hit, NONE, Prim, Ray};
 use moonmilk_walk::Walker;
 
-use super::{Counters, Path};
+use super::Counters;
 use crate::interior::Standing;
 use crate::media::Matter;
 use crate::mirrors::Sight;
 use crate::nest::Nest;
 use crate::scene::{Object, Scene};
 use crate::texture::TexturePoint;
-use crate::through::Start;
+use crate::through::{Escape, Start};
 use crate::window;
+
+/// A path on its way.
+#[derive(Clone)]
+pub(crate) struct Path<const N: usize> {
+    pub walker: Walker<N>,
+    /// Medium around the walker, `None` for vacuum.
+    pub medium: Option<Matter<N>>,
+    /// Medium around all bodies that the walker is inside of.
+    pub ambient: Option<Matter<N>>,
+    /// Bodies that the walker is inside of.
+    pub inside: Nest,
+    /// Surface that the walker stands on.
+    pub standing: Standing,
+    /// Normal at the point where the last direction was drawn, for the density of light sampling; `None` inside media and at
+    /// boundaries that light can cross.
+    pub normal: Option<Vec3>,
+    /// Bounces, as pbrt counts them.
+    pub depth: u32,
+    /// Surface bounces since the start.
+    pub bounces: u32,
+    /// Whether a surface was seen.
+    pub seen: bool,
+    /// Whether anything on its way has scattered it: only then lamps of opacity 0 count that it passes. Collisions are counted elsewhere.
+    pub scattered: bool,
+    /// Whether the next smooth boundary may be followed on both branches: true up to the first one.
+    pub whole: bool,
+    /// What the flight from the camera, or that from its first mirror, leaves to other rays.
+    pub sight: Sight,
+    /// The boundary that the last flight left through, where connections compete for the light that it meets next.
+    pub escape: Option<Escape>,
+    /// Where the next walk's first flight begins, if that is not a wall.
+    pub start: Option<Start>,
+    /// Copies of the path that are still to be followed.
+    pub copies: Vec<Path<N>>,
+}
 
 impl<const N: usize> Path<N> {
     /// Returns a path that looks for light from a point outside all bodies.
