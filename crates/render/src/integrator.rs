@@ -340,7 +340,7 @@ impl Integrator {
         };
         let collisions = path.walker.collisions;
         let limit = self.max_depth.map_or(ENDLESS as u32, |m| m - path.depth.min(m));
-        let connects = !scene.lights.is_empty() && interior.connects();
+        let connects = scene.lights.samples_in_media() && interior.connects();
         let mut tally = connect::InMedium {
             scene,
             wavelengths,

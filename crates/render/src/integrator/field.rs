@@ -38,7 +38,7 @@ impl Integrator {
             inside: &path.inside,
             ambient: path.ambient,
             around: Matter::Field(id),
-            connects: !scene.lights.is_empty() && interior.connects(),
+            connects: scene.lights.samples_in_media() && interior.connects(),
             through: None,
             manifold: None,
             seen: None,

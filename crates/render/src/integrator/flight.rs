@@ -82,7 +82,11 @@ impl Integrator {
         let radiance = match (path.walker.direction_pdf, path.escape) {
             (Some(pdf), _) => {
                 let sampled = scene.lights.pdf_environment(path.walker.scatter_point, path.normal, path.walker.d);
-                (even + aimed) * balance(pdf, sampled)
+                // From media and boundaries that light can cross the even part is left to chance.
+                match path.normal {
+                    None => even + aimed * balance(pdf, sampled),
+                    Some(_) => (even + aimed) * balance(pdf, sampled),
+                }
             }
             // Connections and looks leave the even part to chance.
             (None, Some(escape)) if !aimed.is_black() => even + aimed * escape.share(scene, wavelengths, counters),

@@ -83,7 +83,7 @@ impl Lights {
 
     /// Returns about which share of the light at p comes from what can be aimed at, not from all around.
     pub fn share_of_lamps(&self, p: Vec3) -> f32 {
-        let shares = self.shares(p, None);
+        let shares = self.shares_with(p, None, self.environment.importance());
         let even = shares.environment - f64::from(self.environment.aimed_importance());
         if shares.sum > 0.0 { (1.0 - even / shares.sum) as f32 } else { 0.0 }
     }

@@ -8,7 +8,7 @@
 //! the direction alone, so that [`Lights::pdf_hit`] and [`Lights::pdf_environment`] return exactly what [`Lights::sample`] would.
 //!
 //! **The normal.** `Some(n)`: only light from the side of n counts (n . wi > 0); directions below may never be chosen. `None`: light from
-//! all sides counts, as in a medium and at boundaries that transmit.
+//! all sides counts, as in a medium and at boundaries that transmit; there the even part of the environment is never chosen and left to chance, which finds it with less noise and without rays.
 
 mod aimed;
 mod bounds;
@@ -239,6 +239,11 @@ impl Lights {
         self.tree.is_empty() && self.distant.is_empty() && !self.has_environment()
     }
 
+    /// Returns whether [`Lights::sample`] may find anything from a point without a normal.
+    pub fn samples_in_media(&self) -> bool {
+        !self.tree.is_empty() || !self.distant.is_empty() || self.aims_at_environment()
+    }
+
     /// Returns whether rays that escape may find light.
     pub fn has_environment(&self) -> bool {
         self.environment.importance() > 0.0
@@ -276,6 +281,11 @@ impl Lights {
         choice -= share;
         let share = shares.of(shares.environment);
         if choice < share {
+            if n.is_none() {
+                let (wi, pdf) = self.environment.aim(p, choice / share, u)?;
+                let radiance = self.environment.aimed_radiance(p, wi, wavelengths);
+                return at_infinity(radiance, wi, share as f32 * pdf, false);
+            }
             let wi = self.environment.sample(p, n, choice / share, u)?;
             let pdf = share as f32 * self.environment.pdf(p, n, wi);
             let radiance = self.environment.radiance(p, wi, wavelengths);
@@ -394,14 +404,27 @@ impl Lights {
             return 0.0;
         }
         let shares = self.shares(p, n);
-        shares.of(shares.environment) as f32 * self.environment.pdf(p, n, d)
+        let share = shares.of(shares.environment) as f32;
+        match n {
+            None if share > 0.0 => share * self.environment.aimed_pdf(p, d),
+            None => 0.0,
+            Some(_) => share * self.environment.pdf(p, n, d),
+        }
     }
 
     /// Estimates what each group may contribute at a point.
     #[inline]
     fn shares(&self, p: Vec3, n: Option<Vec3>) -> Shares {
-        let tree = f64::from(self.tree.importance(p, n));
-        let environment = f64::from(self.environment.importance());
+        let environment = match n {
+            None => self.environment.aimed_importance(),
+            Some(_) => self.environment.importance(),
+        };
+        self.shares_with(p, n, environment)
+    }
+
+    #[inline]
+    fn shares_with(&self, p: Vec3, n: Option<Vec3>, environment: f32) -> Shares {
+        let (tree, environment) = (f64::from(self.tree.importance(p, n)), f64::from(environment));
         let mut shares = Shares { tree, environment, sum: 0.0, count: 0.0 };
         let distant = self.distant.iter().map(|l| f64::from(l.importance(n)));
         for e in [tree, environment].into_iter().chain(distant).filter(|&e| e > 0.0) {

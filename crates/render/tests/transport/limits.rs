@@ -62,7 +62,8 @@ fn a_limit_of_bounces_only_ever_darkens_and_is_kept() {
                 [light.orders.iter().map(|l| f64::from(l[0])).sum()]
             });
             println!("eta {eta}, limit {limit}: {l}");
-            assert!(l.mean > last - 4.9 * l.std_err, "limit {limit}: {l} after {last}");
+            // Where all paths end within the limit each finds 1.
+            assert!(l.mean >= last - 4.9 * l.std_err - 1e-6, "limit {limit}: {l} after {last}");
             last = l.mean;
             if limit >= 4096 {
                 // Less than one path in 1e3 is longer; the furnace is white again.
