@@ -4,6 +4,7 @@
 //! prints, or looks at the clock; a sample of a pixel is a pure function of scene, settings, pixel and sample number
 //! ([`session::sample`]).
 
+mod apart;
 pub mod audit;
 mod balls;
 pub mod bsdf;

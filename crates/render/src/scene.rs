@@ -13,6 +13,7 @@ use moonmilk_geometry::{Accel, Body, Bounds, Facing, Hit, Ray, Room, Surface};
 use moonmilk_optics::profile::Model;
 use moonmilk_walk::{Medium, Similar};
 
+use crate::apart::apart;
 use crate::balls::{self, Wanted};
 use crate::bsdf::boundary::near;
 use crate::bssrdf::Bank;
@@ -518,7 +519,7 @@ impl Scene {
 
     /// Returns the bounds of free room inside a closed object, built at first use.
     pub(crate) fn room(&self, object: u32) -> &Room {
-        self.objects[object as usize].room.get_or_init(|| self.accel.room(object, CLEARANCE_CELLS))
+        self.objects[object as usize].room.get_or_init(|| apart(|| self.accel.room(object, CLEARANCE_CELLS)))
     }
 
     /// Returns the bytes held by geometry, media and, where built, clearance.
