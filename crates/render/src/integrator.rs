@@ -152,7 +152,7 @@ impl Integrator {
     }
 
     /// Returns the integrator with the banks of one sample number, its own if they serve that, too.
-    fn with_balls(&self, scene: &Scene, sample: u64) -> Self {
+    pub(crate) fn with_balls(&self, scene: &Scene, sample: u64) -> Self {
         let group = sample / balls::GROUP;
         match &self.balls {
             Some(b) if b.group == group => self.clone(),

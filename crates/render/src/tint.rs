@@ -18,6 +18,7 @@ use std::sync::OnceLock;
 use moonmilk_core::{Random, Sampler, Spectrum, Stream, Vec2, WavelengthMode, Wavelengths};
 use moonmilk_walk::{Medium, Roulette, Walker};
 
+use crate::apart::apart;
 use crate::integrator::{Counters, Integrator, Light};
 use crate::media::Matter;
 use crate::scene::Scene;
@@ -61,6 +62,8 @@ impl<const N: usize> Lanes<N> {
 /// Slopes per block of pixels.
 #[derive(Debug, Default)]
 pub(crate) struct Tints {
+    /// What follows the paths that find slopes: with banks of its own, so that these cost no more in dense media than those of a picture.
+    pilot: Option<Integrator>,
     across: u32,
     blocks: Vec<OnceLock<[f32; 3]>>,
 }
@@ -72,7 +75,9 @@ impl Tints {
             return Self::default();
         }
         let [across, down] = scene.resolution.map(|n| (n as u32).div_ceil(BLOCK));
-        Self { across, blocks: (0..across * down).map(|_| OnceLock::new()).collect() }
+        let pilot = Integrator::new(SEED, WavelengthMode::Hero, Roulette::default(), None);
+        let pilot = Some(apart(|| pilot.with_balls(scene, 0)));
+        Self { pilot, across, blocks: (0..across * down).map(|_| OnceLock::new()).collect() }
     }
 
     /// Takes the mean of nothing off a sample of a pixel.
@@ -82,8 +87,9 @@ impl Tints {
             return;
         }
         let [x, y] = pixel.map(|k| k / BLOCK);
-        let Some(block) = self.blocks.get((y * self.across + x) as usize) else { return };
-        let slopes = block.get_or_init(|| slopes(scene, [x * BLOCK, y * BLOCK]));
+        let block = self.blocks.get((y * self.across + x) as usize);
+        let (Some(block), Some(pilot)) = (block, &self.pilot) else { return };
+        let slopes = block.get_or_init(|| slopes(scene, pilot, [x * BLOCK, y * BLOCK]));
         light.orders[2] += light.drift * Spectrum::from_fn(|k| -at(slopes, w, k));
     }
 }
@@ -103,8 +109,7 @@ fn at<const N: usize>(slopes: &[f32; 3], w: &Wavelengths<N>, lane: usize) -> f32
 }
 
 /// Returns the slopes of a block of pixels from its first.
-fn slopes(scene: &Scene, [x0, y0]: [u32; 2]) -> [f32; 3] {
-    let integrator = Integrator::new(SEED, WavelengthMode::Hero, Roulette::default(), None);
+fn slopes(scene: &Scene, pilot: &Integrator, [x0, y0]: [u32; 2]) -> [f32; 3] {
     let mut groups = [[Slope::default(); 3]; GROUPS];
     for i in 0..PATHS {
         let mut at = Stream::new(&[SEED, u64::from(x0), u64::from(y0), i as u64]);
@@ -115,7 +120,7 @@ fn slopes(scene: &Scene, [x0, y0]: [u32; 2]) -> [f32; 3] {
         let w = Wavelengths::<4>::sample(WavelengthMode::Hero, (i as f32 + at.uniform()) / PATHS as f32);
         let mut rng = Sampler::new(SEED, x0, y0, i as u64);
         let mut light = Light::<4>::default();
-        integrator.trace(scene, o, d, &w, &mut rng, &mut light, &mut Counters::default());
+        pilot.trace(scene, o, d, &w, &mut rng, &mut light, &mut Counters::default());
         let found = light.orders[0] + light.orders[1] + light.orders[2];
         let Wavelengths::Sampled { lambda, .. } = w else { continue };
         for k in 0..4 {
