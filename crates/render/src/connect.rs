@@ -276,12 +276,15 @@ impl<const N: usize, P: PhaseFunction> Tally<N, Sampler, P> for InMedium<'_, '_,
         if self.connects {
             self.sample_light(walker, &Uniform, walker.beta, rng);
         }
-        if let (Some(manifold), Matter::Homogeneous(medium) | Matter::Similar(medium, _)) =
-            (&self.manifold, &self.around)
-        {
+        if let Some(manifold) = &self.manifold {
+            // Jumps through a core know homogeneous media only.
+            let sigma_t = match &self.around {
+                Matter::Homogeneous(m) | Matter::Similar(m, _) => m.sigma_t[0],
+                Matter::Field(_) => 0.0,
+            };
             let (from, beta, room) = (self.from(walker.p), walker.beta, walker.room);
             let (light, counters) = (&mut *self.light, &mut *self.counters);
-            manifold.connect(walker, medium, beta, &Uniform, room, from, self.wavelengths, rng, light, counters);
+            manifold.connect(walker, beta, &Uniform, sigma_t, room, from, self.wavelengths, rng, light, counters);
         }
         self.connects
     }
@@ -361,18 +364,8 @@ impl<'b, const N: usize> InMedium<'_, 'b, N> {
         }
         if let Some(manifold) = &self.manifold {
             let from = self.from(walker.p);
-            manifold.connect(
-                walker,
-                medium,
-                beta * self.unseen,
-                vertex,
-                room,
-                from,
-                self.wavelengths,
-                rng,
-                self.light,
-                self.counters,
-            );
+            let (beta, w, sigma_t) = (beta * self.unseen, self.wavelengths, medium.sigma_t[0]);
+            manifold.connect(walker, beta, vertex, sigma_t, room, from, w, rng, self.light, self.counters);
         }
         if self.connects {
             // Look for light less often where little can come through: the transmittance to the wall, at most

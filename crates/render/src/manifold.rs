@@ -9,7 +9,7 @@
 //!
 //! $$ \beta\, p_c(\omega)\, T\, \eta^2 P\, E \left| \frac{d\omega}{d\omega_{out}} \right| , $$
 //!
-//! P the product of the probabilities of what happens at the walls ([`branches`]), T the transmittance; for a point at distance r, E r^2 |d omega / dA| with A the area across the ray at the
+//! P the product of the probabilities of what happens at the walls ([`crate::bsdf::boundary::branches`]), T the transmittance; for a point at distance r, E r^2 |d omega / dA| with A the area across the ray at the
 //! point. The derivatives are central differences in f64 (step 1e-5, relative error below 1e-8 where the curvature is moderate).
 //!
 //! *All roots.* The root that a search from the refracted straight direction leads to is counted as it is. There may be others: through another facet, another wall, by another
@@ -17,23 +17,30 @@
 //! direction for the same outcomes; what it finds, if not the first root, counts with the inverse of the probability of finding it, of which the number of further flights until it is found
 //! again is an unbiased estimate. As flights are drawn by what roots contribute, the product is even; and every root at which the derivatives do not vanish is counted once in the mean.
 //!
-//! *Domain.* One body around the point, of a smooth boundary of another index than 1 without a normal map, homogeneous media. Lit through two refractive boundaries (milk in a glass) such lamps
-//! are not found, nor are caustics behind a clear body.
+//! *Through clear bodies.* Milk in a glass, a candle behind a pane: behind the body's own wall the path goes on through smooth boundaries of bodies that do not scatter (`chain.rs`), refracted at each by
+//! the first search, at random by flights, which find what is mirrored inside a glass as well. What ends it, or lets it pass straight on, is asked for along the root alone.
+//!
+//! *Domain.* A body of a smooth boundary of another index than 1, nothing but air or clear bodies around it, none of them with a normal map. Caustics on opaque surfaces behind a clear body are not
+//! found.
 //!
 //! *Source*: solutions by facets are those of \[Walter2009\]; counting by repeated search \[Zeltner2020\] (specular manifold sampling, section 4), here without its first root's noise and with mirrors.
 
-use moonmilk_core::{DVec3, Frame, Random, Sampler, Spectrum, Vec3, Wavelengths};
-use moonmilk_geometry::{Contact, Facing, Hit, Patch, Prim, Ray};
+use moonmilk_core::{DVec3, Frame, Random, Sampler, Spectrum, Wavelengths};
+use moonmilk_geometry::Contact;
+use moonmilk_walk::Walker;
 use moonmilk_walk::jump::Scattering;
-use moonmilk_walk::{Medium, Walker};
 
-use crate::bsdf::boundary::{NEAR, branches, near};
-use crate::connect::{From, transmittance};
+use crate::connect::{From, Passage, transmittance};
 use crate::integrator::{Counters, Light};
 use crate::lights::{Lamp, Target};
-use crate::nest::{Inside, Nest};
+use crate::media::Matter;
+use crate::nest::{Inside, Meeting, Nest};
 use crate::scene::{Boundary, Scene};
-use crate::texture::TexturePoint;
+use crate::through::is_clear;
+
+mod chain;
+
+use chain::{Next, Outcome, Setting, Trail, Wall, are_same, tempered};
 
 /// Depth from which searches become rarer [mean free paths].
 const SHALLOW: f32 = 0.5;
@@ -64,50 +71,22 @@ const SAME: f64 = 1e-4;
 /// Most flights for one root, for which the first of them led to it: more with a probability that is nothing.
 const MOST_FLIGHTS: u32 = 1 << 16;
 
-/// What a path does at a wall: the outcomes of [`branches`] in their order.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Outcome {
-    Mirrored = 0,
-    Refracted = 1,
-    Crossed = 2,
-    Aside = 3,
-}
-
-const OUTCOMES: [Outcome; 4] = [Outcome::Mirrored, Outcome::Refracted, Outcome::Crossed, Outcome::Aside];
-
-/// Refraction at the first wall.
-const PLAIN: &[Outcome] = &[Outcome::Refracted];
-
-/// A wall that a path meets.
-#[derive(Clone, Copy)]
-struct Wall<'a> {
-    hit: Hit,
-    patch: Patch<'a>,
-}
-
 /// A path behind its last wall.
 struct Out {
     p: DVec3,
     d: DVec3,
-    /// Length of the way inside.
-    length: f64,
-    /// Product of the probabilities of the outcomes.
-    probability: f32,
 }
 
 /// A direction that leads to the lamp.
 struct Root<'a> {
     omega: DVec3,
     walls: Vec<Wall<'a>>,
-}
-
-fn are_same(a: &[Wall], b: &[Wall]) -> bool {
-    a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.hit.prim == b.hit.prim)
+    outcomes: Vec<Outcome>,
 }
 
 impl Root<'_> {
     fn is(&self, o: &Root<'_>) -> bool {
-        self.omega.distance(o.omega) < SAME && are_same(&self.walls, &o.walls)
+        self.omega.distance(o.omega) < SAME && self.outcomes == o.outcomes && are_same(&self.walls, &o.walls)
     }
 }
 
@@ -116,42 +95,16 @@ impl Root<'_> {
 pub(crate) struct Manifold<'a> {
     scene: &'a Scene,
     object: u32,
+    /// Relative index of its boundary, and its index against what is around all bodies: parallel walls outside leave that of all refraction.
     eta: f32,
-    sigma_t: f32,
+    index: f32,
 }
 
-/// Returns the direction in which an outcome goes on that arrives along d from inside, for unit normals to the outside: [`branches`] in f64. `None` if there is none.
-fn turn(d: DVec3, ng: DVec3, ns: DVec3, eta: f64, outcome: Outcome) -> Option<DVec3> {
-    let mirror = |w: DVec3, n: DVec3| w - n * (2.0 * w.dot(n));
-    // From inside outward: n1 sin = n2 sin, along the normal n.
-    let refract = |w: DVec3, n: DVec3| {
-        let c = w.dot(n);
-        let cos2 = 1.0 - eta * eta * (1.0 - c * c);
-        (c > 0.0 && cos2 > 0.0).then(|| w * eta + n * (cos2.sqrt() - eta * c))
-    };
-    // Reflection in the plane of both normals.
-    let aside = |w: DVec3| {
-        let across = ng.cross(ns);
-        if across.length_squared() < 1e-8 { w } else { mirror(w, across.normalize()) }
-    };
-    match outcome {
-        Outcome::Mirrored => Some(mirror(d, ns)),
-        Outcome::Refracted => refract(d, ns),
-        Outcome::Crossed => refract(mirror(aside(-d), ng), ng),
-        Outcome::Aside => Some(aside(-d)),
-    }
-    .map(DVec3::normalize)
-}
-
-/// Returns [`near`] in f64.
-fn tempered(ng: DVec3, ns: DVec3) -> DVec3 {
-    // Only where it turns the normal, so that elsewhere no digits are lost.
-    if near(ng.as_vec3(), ns.as_vec3()) == ns.as_vec3() {
-        return ns;
-    }
-    let tangent = ns - ng * ns.dot(ng);
-    let angle = f64::from(NEAR).acos();
-    tangent.try_normalize().map_or(ng, |t| ng * angle.cos() + t * angle.sin())
+/// What a search starts from and aims at.
+#[derive(Clone, Copy)]
+struct Quest<'a, 'b, const N: usize> {
+    setting: Setting<'a, 'b, N>,
+    from: &'b From<N>,
 }
 
 /// Returns two unit vectors across a unit vector.
@@ -163,89 +116,74 @@ fn across(d: DVec3) -> [DVec3; 2] {
 }
 
 impl<'a> Manifold<'a> {
-    /// Returns the searches for lamps of the one body that a path is in, or `None` where there are none to find: see the domain above.
-    pub fn new<const N: usize>(scene: &'a Scene, nest: &Nest, medium: &Medium<N>) -> Option<Self> {
-        let [Inside { shape: object, .. }] = *nest.bodies() else { return None };
+    /// Returns the searches for lamps of the body that counts where a path is, or `None` where there are none to find: see the domain above.
+    pub fn new<const N: usize>(
+        scene: &'a Scene,
+        nest: &Nest,
+        ambient: Option<&Matter<N>>,
+        w: &Wavelengths<N>,
+    ) -> Option<Self> {
+        let Inside { shape: object, index, point, .. } = *nest.bodies().last()?;
         let o = &scene.objects[object as usize];
-        let Boundary::Smooth { eta } = o.boundary else { return None };
-        let sigma_t = medium.sigma_t[0];
-        let possible = o.body.is_some() && eta != 1.0 && sigma_t > 0.0 && !scene.materials.perturbs_normals(o.material);
-        (possible && scene.lights.has_unseen()).then_some(Self { scene, object, eta, sigma_t })
-    }
-
-    /// Returns the walls that a path from c along omega meets, `None` if it does not run inside the body.
-    fn walls(&self, c: Vec3, omega: DVec3, outcomes: &[Outcome], counters: &mut Counters) -> Option<Vec<Wall<'a>>> {
-        let mut walls = Vec::with_capacity(outcomes.len());
-        let (mut o, mut d, mut from) = (c, omega, None);
-        for &outcome in outcomes {
-            let (wall, at) = self.wall(o, d, from, counters)?;
-            d = turn(d, at.ng, tempered(at.ng, at.ns), f64::from(self.eta), outcome)?;
-            (o, from) = (at.p.as_vec3(), Some(wall.hit.prim));
-            walls.push(wall);
+        let (Boundary::Smooth { eta }, Meeting::True(outer)) = (o.boundary, nest.meet(o, object, true)) else {
+            return None;
+        };
+        let possible = o.body.is_some() && eta != outer && !scene.materials.perturbs_normals(o.material);
+        if !possible || !scene.lights.has_unseen() {
+            return None;
         }
-        Some(walls)
-    }
-
-    /// Returns the wall that a ray inside the body meets, and where.
-    fn wall(&self, o: Vec3, d: DVec3, from: Option<Prim>, counters: &mut Counters) -> Option<(Wall<'a>, Contact)> {
-        counters.segments += 1;
-        let body = self.scene.objects[self.object as usize].body?;
-        let mut ray = Ray::new(o, d.as_vec3()).facing(Facing::Exiting(body));
-        if let Some(prim) = from {
-            ray = ray.from_prim(prim);
+        if nest.bodies().len() == 1 {
+            let eta = eta / outer;
+            return Some(Self { scene, object, eta, index: eta });
         }
-        let hit = self.scene.accel.nearest(&ray).filter(|h| h.shape == self.object && h.exiting)?;
-        let patch = self.scene.accel.patch(&hit);
-        let at = patch.meet(o.as_dvec3(), d, f64::from(hit.t))?;
-        Some((Wall { hit, patch }, at))
+        let (mut outside, mut ambient) = (None, ambient.copied());
+        nest.clone().cross(scene, object, true, &point, w, &mut outside, &mut ambient);
+        is_clear(&outside).then(|| Self { scene, object, eta: eta / outer, index })
     }
 
-    /// Draws a flight as the walk would go on, but for sure to the first wall; returns its direction and what it did at the walls until it left, `None` if it did not.
+    /// Draws a flight as the walk would go on, but for sure to the first wall; returns its direction and what it did at the walls until there were no more, `None` if it did not get out.
     fn flight<const N: usize>(
-        &self,
-        c: Vec3,
+        quest: &Quest<'a, '_, N>,
         vertex: &impl Scattering<N>,
+        sigma_t: f32,
         rng: &mut Sampler,
         counters: &mut Counters,
     ) -> Option<(DVec3, Vec<Outcome>)> {
         let start = vertex.draw(rng).as_dvec3().normalize();
-        let (mut o, mut d, mut from) = (c, start, None);
+        let mut trail = Trail::new(quest.setting, quest.from.clone(), start);
         let mut outcomes = vec![];
         while outcomes.len() < MOST_WALLS {
-            let (wall, at) = self.wall(o, d, from, counters)?;
-            if from.is_some() && rng.uniform() >= (-self.sigma_t * at.t as f32).exp() {
+            let (wall, at) = match trail.next(counters) {
+                Next::Wall(_, _, true) if rng.uniform() < 0.5 => return Some((start, outcomes)),
+                Next::Wall(wall, at, _) => (wall, at),
+                Next::Clear => return Some((start, outcomes)),
+                Next::Lost => return None,
+            };
+            if trail.is_inside && trail.has_met() && rng.uniform() >= (-sigma_t * at.t as f32).exp() {
                 return None;
             }
-            let ns = tempered(at.ng, at.ns);
-            let mut u = rng.uniform();
-            let all = branches(-d.as_vec3(), at.ng.as_vec3(), ns.as_vec3(), self.eta);
-            let chosen = all.iter().position(|b| {
-                u -= b.0;
-                u < 0.0
-            });
-            let outcome = OUTCOMES[chosen.unwrap_or(0)];
+            let outcome = wall.draw(trail.d, &at, rng.uniform());
             outcomes.push(outcome);
-            if matches!(outcome, Outcome::Refracted | Outcome::Crossed) {
-                return Some((start, outcomes));
+            if !trail.go(&wall, &at, outcome) {
+                return None;
             }
-            d = turn(d, at.ng, ns, f64::from(self.eta), outcome)?;
-            (o, from) = (at.p.as_vec3(), Some(wall.hit.prim));
         }
         None
     }
 
-    /// Follows a direction over the continued primitives of some walls.
-    fn follow(&self, walls: &[Wall], c: DVec3, omega: DVec3, outcomes: &[Outcome], weigh: bool) -> Option<Out> {
-        let mut out = Out { p: c, d: omega, length: 0.0, probability: 1.0 };
+    /// Follows a direction over the continued primitives of some walls; calls `each` at every one with the direction of arrival.
+    fn follow(
+        walls: &[Wall],
+        c: DVec3,
+        omega: DVec3,
+        outcomes: &[Outcome],
+        mut each: impl FnMut(&Wall, &Contact, DVec3, Outcome),
+    ) -> Option<Out> {
+        let mut out = Out { p: c, d: omega };
         for (wall, &outcome) in walls.iter().zip(outcomes) {
-            let at = wall.patch.meet(out.p, out.d, f64::from(wall.hit.t))?;
-            let ns = tempered(at.ng, at.ns);
-            if weigh {
-                let all = branches(-out.d.as_vec3(), at.ng.as_vec3(), ns.as_vec3(), self.eta);
-                out.probability *= all[outcome as usize].0;
-            }
-            let d = turn(out.d, at.ng, ns, f64::from(self.eta), outcome)?;
-            out = Out { p: at.p, d, length: out.length + at.t, ..out };
+            let at = wall.patch.meet(out.p, out.d, wall.t)?;
+            each(wall, &at, out.d, outcome);
+            out = Out { p: at.p, d: wall.turn(out.d, &at, outcome)? };
         }
         Some(out)
     }
@@ -256,15 +194,8 @@ impl<'a> Manifold<'a> {
     }
 
     /// Moves a direction to the root on the continued primitives of some walls: Newton's method, its steps halved until they come closer.
-    fn polish(
-        &self,
-        walls: &[Wall],
-        c: DVec3,
-        mut omega: DVec3,
-        outcomes: &[Outcome],
-        target: &Target,
-    ) -> Option<DVec3> {
-        let mut out = self.follow(walls, c, omega, outcomes, false)?;
+    fn polish(walls: &[Wall], c: DVec3, mut omega: DVec3, outcomes: &[Outcome], target: &Target) -> Option<DVec3> {
+        let mut out = Self::follow(walls, c, omega, outcomes, |_, _, _, _| ())?;
         let mut e = Self::miss(target, &out);
         for _ in 0..STEPS {
             if e.length() < TOLERANCE {
@@ -273,7 +204,7 @@ impl<'a> Manifold<'a> {
             let [x, y] = across(towards(target, out.p));
             let [s, t] = across(omega);
             let slope = |u: DVec3| -> Option<[f64; 2]> {
-                let at = |h: f64| self.follow(walls, c, (omega + u * h).normalize(), outcomes, false);
+                let at = |h: f64| Self::follow(walls, c, (omega + u * h).normalize(), outcomes, |_, _, _, _| ());
                 let e = Self::miss(target, &at(DIFFERENCE)?) - Self::miss(target, &at(-DIFFERENCE)?);
                 Some([e.dot(x), e.dot(y)].map(|e| e / (2.0 * DIFFERENCE)))
             };
@@ -289,7 +220,7 @@ impl<'a> Manifold<'a> {
             let mut left = HALVINGS;
             (omega, out, e) = loop {
                 let there = (omega + step * share).normalize();
-                if let Some(out) = self.follow(walls, c, there, outcomes, false) {
+                if let Some(out) = Self::follow(walls, c, there, outcomes, |_, _, _, _| ()) {
                     let miss = Self::miss(target, &out);
                     if miss.length() < e.length() {
                         break (there, out, miss);
@@ -304,21 +235,47 @@ impl<'a> Manifold<'a> {
         None
     }
 
-    /// Searches for a root from a direction.
-    fn search(
-        &self,
-        c: Vec3,
+    /// Returns the walls that a path along omega meets for some outcomes, or for refraction at every one until there are no more; `None` if there is no such path.
+    fn walls<const N: usize>(
+        quest: &Quest<'a, '_, N>,
+        omega: DVec3,
+        plan: Option<&[Outcome]>,
+        counters: &mut Counters,
+    ) -> Option<Vec<Wall<'a>>> {
+        let mut trail = Trail::new(quest.setting, quest.from.clone(), omega);
+        let mut walls = Vec::new();
+        while plan.map_or(MOST_WALLS, <[_]>::len) > walls.len() {
+            match trail.next(counters) {
+                Next::Wall(_, _, true) if plan.is_none() => break,
+                Next::Wall(wall, at, _) => {
+                    let outcome = plan.map_or(Outcome::Refracted, |p| p[walls.len()]);
+                    walls.push(wall);
+                    if !trail.go(&wall, &at, outcome) {
+                        return None;
+                    }
+                }
+                Next::Clear if plan.is_none() => break,
+                Next::Clear | Next::Lost => return None,
+            }
+        }
+        (!trail.is_inside).then_some(walls)
+    }
+
+    /// Searches for a root from a direction, with given outcomes or by refraction alone.
+    fn search<const N: usize>(
+        quest: &Quest<'a, '_, N>,
         mut omega: DVec3,
-        outcomes: &[Outcome],
-        target: &Target,
+        plan: Option<&[Outcome]>,
         counters: &mut Counters,
     ) -> Option<Root<'a>> {
-        let mut walls = self.walls(c, omega, outcomes, counters)?;
+        let mut walls = Self::walls(quest, omega, plan, counters)?;
         for _ in 0..ROUNDS {
-            omega = self.polish(&walls, c.as_dvec3(), omega, outcomes, target)?;
-            let there = self.walls(c, omega, outcomes, counters)?;
+            let outcomes = plan.map_or_else(|| vec![Outcome::Refracted; walls.len()], <[_]>::to_vec);
+            let Setting { target, .. } = quest.setting;
+            omega = Self::polish(&walls, quest.from.p.as_dvec3(), omega, &outcomes, target)?;
+            let there = Self::walls(quest, omega, plan, counters)?;
             if are_same(&there, &walls) {
-                return Some(Root { omega, walls: there });
+                return Some(Root { omega, walls: there, outcomes });
             }
             walls = there;
         }
@@ -326,15 +283,17 @@ impl<'a> Manifold<'a> {
     }
 
     /// Returns where to begin: the direction that the surface on the straight way to the target would refract there if it were plane, then again on that way, until the real surface lets it out.
-    fn aimed(&self, c: Vec3, target: &Target, counters: &mut Counters) -> Option<DVec3> {
-        let eta = f64::from(self.eta);
-        let mut omega = towards(target, c.as_dvec3());
+    fn aimed<const N: usize>(&self, quest: &Quest<'a, '_, N>, counters: &mut Counters) -> Option<DVec3> {
+        let (eta, target) = (f64::from(self.index), quest.setting.target);
+        let mut omega = towards(target, quest.from.p.as_dvec3());
         for round in 0..AIMS {
-            let (_, at) = self.wall(c, omega, None, counters)?;
-            let n = tempered(at.ng, at.ns);
-            if round > 0 && turn(omega, at.ng, n, eta, Outcome::Refracted).is_some() {
+            let Next::Wall(wall, at, _) = Trail::new(quest.setting, quest.from.clone(), omega).next(counters) else {
+                return None;
+            };
+            if round > 0 && wall.turn(omega, &at, Outcome::Refracted).is_some() {
                 return Some(omega);
             }
+            let n = tempered(at.ng, at.ns);
             let v = towards(target, at.p);
             let k = v.dot(n);
             let cos2 = 1.0 - (1.0 - k * k) / (eta * eta);
@@ -344,13 +303,13 @@ impl<'a> Manifold<'a> {
         None
     }
 
-    /// Looks for a lamp from a vertex where the walk has the weight `beta` before a direction is chosen; `room` is a lower bound of the depth.
-    pub fn connect<const N: usize, P>(
+    /// Looks for a lamp from a vertex where the walk has the weight `beta` before a direction is chosen; `sigma_t` is the extinction there, by which searches are spread, `room` a lower bound of the depth.
+    pub fn connect<const N: usize>(
         &self,
         walker: &Walker<N>,
-        medium: &Medium<N, P>,
         beta: Spectrum<N>,
         vertex: &impl Scattering<N>,
+        sigma_t: f32,
         room: f32,
         from: From<N>,
         w: &Wavelengths<N>,
@@ -358,77 +317,82 @@ impl<'a> Manifold<'a> {
         light: &mut Light<N>,
         counters: &mut Counters,
     ) {
-        let q = (MOST * (SHALLOW - self.sigma_t * room).exp().min(1.0)).max(LEAST);
+        let q = (MOST * (SHALLOW - sigma_t * room).exp().min(1.0)).max(LEAST);
         if rng.uniform() >= q {
             return;
         }
         let u = [rng.uniform(), rng.uniform(), rng.uniform()];
         let Some((lamp, probability)) = self.scene.lights.choose_unseen(walker.p, u) else { return };
-        let Some(target) = self.scene.lights.target(lamp) else { return };
-        let c = walker.p;
-        let mut count = |root: &Root, outcomes: &[Outcome], factor: f32, rng: &mut Sampler, counters: &mut Counters| {
+        let Some(target) = &self.scene.lights.target(lamp) else { return };
+        let setting = Setting { scene: self.scene, object: self.object, eta: self.eta, target, w };
+        let quest = Quest { setting, from: &from };
+        let mut count = |root: &Root, factor: f32, rng: &mut Sampler, counters: &mut Counters| {
             let (value, _) = vertex.towards(root.omega.as_vec3());
             if value.is_black() {
                 return;
             }
-            let found = self.arriving(root, medium, outcomes, lamp, &target, &from, w, rng, counters);
-            if let Some(found) = found {
+            if let Some(found) = Self::arriving(&quest, root, lamp, rng, counters) {
                 light.add(walker.collisions, beta * value * found * (factor / (q * probability)));
             }
         };
 
-        let aimed = self.aimed(c, &target, counters);
-        let first = aimed.and_then(|omega| self.search(c, omega, PLAIN, &target, counters));
+        let aimed = self.aimed(&quest, counters);
+        let first = aimed.and_then(|omega| Self::search(&quest, omega, None, counters));
         if let Some(root) = &first {
-            count(root, PLAIN, 1.0, rng, counters);
+            count(root, 1.0, rng, counters);
         }
         // Look for any other root.
         if rng.uniform() >= EXPLORE {
             return;
         }
-        let Some((omega, outcomes)) = self.flight(c, vertex, rng, counters) else { return };
-        let Some(root) = self.search(c, omega, &outcomes, &target, counters) else { return };
-        if outcomes == PLAIN && first.is_some_and(|f| f.is(&root)) {
+        let Some((omega, outcomes)) = Self::flight(&quest, vertex, sigma_t, rng, counters) else { return };
+        let Some(root) = Self::search(&quest, omega, Some(&outcomes), counters) else { return };
+        if first.is_some_and(|f| f.is(&root)) {
             return;
         }
         let mut flights = 1;
         while flights < MOST_FLIGHTS {
-            let again = self.flight(c, vertex, rng, counters).filter(|f| f.1 == outcomes);
-            if again.is_some_and(|f| self.search(c, f.0, &outcomes, &target, counters).is_some_and(|r| r.is(&root))) {
+            let again = Self::flight(&quest, vertex, sigma_t, rng, counters).filter(|f| f.1 == outcomes);
+            if again.is_some_and(|f| Self::search(&quest, f.0, Some(&f.1), counters).is_some_and(|r| r.is(&root))) {
                 break;
             }
             flights += 1;
         }
-        count(&root, &outcomes, flights as f32 / EXPLORE, rng, counters);
+        count(&root, flights as f32 / EXPLORE, rng, counters);
     }
 
     /// Returns what arrives from the lamp along a root, per value of the vertex in that direction.
-    fn arriving<const N: usize, P>(
-        &self,
+    fn arriving<const N: usize>(
+        quest: &Quest<'a, '_, N>,
         root: &Root,
-        medium: &Medium<N, P>,
-        outcomes: &[Outcome],
         lamp: Lamp,
-        target: &Target,
-        from: &From<N>,
-        w: &Wavelengths<N>,
         rng: &mut Sampler,
         counters: &mut Counters,
     ) -> Option<Spectrum<N>> {
-        let c = from.p.as_dvec3();
-        let out = self.follow(&root.walls, c, root.omega, outcomes, true)?;
-        if out.probability == 0.0 {
+        let Setting { scene, target, w, .. } = quest.setting;
+        let c = quest.from.p.as_dvec3();
+        // Go along once for what is around, the probabilities, and the squared index.
+        let (mut place, mut way, mut factor) = (quest.from.clone(), Passage::FREE, 1.0);
+        let out = Self::follow(&root.walls, c, root.omega, &root.outcomes, |wall, at, d, outcome| {
+            way.pass(scene, place.medium.as_ref(), place.p, d.as_vec3(), at.t as f32, w, rng, counters);
+            factor *= wall.probabilities(d, at)[outcome as usize];
+            if outcome.is_transmitted() {
+                factor *= if wall.hit.exiting { wall.eta * wall.eta } else { 1.0 / (wall.eta * wall.eta) };
+            }
+            wall.pass(scene, &mut place, at, d.as_vec3(), outcome, w);
+        })?;
+        if factor == 0.0 || way.is_black() {
             return None;
         }
-        let x = out.p.as_vec3();
-        let (irradiance, wi, distance) = self.scene.lights.irradiance(lamp, x, w)?;
+        let (irradiance, wi, distance) = scene.lights.irradiance(lamp, out.p.as_vec3(), w)?;
 
         // The derivative of where the light goes: direction at infinity, or point on the plane across the ray.
         let v = towards(target, out.p);
         let e = across(v);
-        let [s, t] = across(root.omega);
-        let place = |h: DVec3| -> Option<DVec3> {
-            let out = self.follow(&root.walls, c, (root.omega + h * DIFFERENCE).normalize(), outcomes, false)?;
+        let [s, r] = across(root.omega);
+        let ends = |h: DVec3| -> Option<DVec3> {
+            let omega = (root.omega + h * DIFFERENCE).normalize();
+            let out = Self::follow(&root.walls, c, omega, &root.outcomes, |_, _, _, _| ())?;
             Some(match *target {
                 Target::Direction(_) => out.d,
                 // In units of the distance, so that irradiance belongs to it.
@@ -439,24 +403,17 @@ impl<'a> Manifold<'a> {
             })
         };
         let slope = |u: DVec3| -> Option<[f64; 2]> {
-            let change = place(u)? - place(-u)?;
+            let change = ends(u)? - ends(-u)?;
             Some(e.map(|e| change.dot(e) / (2.0 * DIFFERENCE)))
         };
-        let ([a, c], [b, d]) = (slope(s)?, slope(t)?);
+        let ([a, c], [b, d]) = (slope(s)?, slope(r)?);
         let stretch = (a * d - b * c).abs();
-
-        let last = root.walls.last()?;
-        let object = &self.scene.objects[self.object as usize];
-        let point = TexturePoint { p: x, n: wi, uv: Default::default() };
-        let mut outside = from.clone();
-        outside.p = x;
-        outside.cross(self.scene, object, last.hit, &point, true, w);
-        let passage = transmittance(self.scene, &outside, wi, distance, w, rng, counters);
-        if passage.is_black() || stretch == 0.0 {
+        if stretch == 0.0 {
             return None;
         }
-        let factor = self.eta * self.eta * out.probability / stretch as f32;
-        Some(medium.transmittance(out.length as f32) * passage.t * irradiance * (factor * passage.survival))
+        let passage = transmittance(scene, &place, wi, distance, w, rng, counters);
+        let factor = factor / stretch as f32 * way.survival * passage.survival;
+        (!passage.is_black()).then(|| way.t * passage.t * irradiance * factor)
     }
 }
 

@@ -45,12 +45,12 @@ pub(crate) struct Passage<const N: usize> {
 
 impl<const N: usize> Passage<N> {
     /// Nothing in the way.
-    const FREE: Self = Self { t: Spectrum::ONE, chance: Spectrum::ONE, survival: 1.0, first: None };
+    pub(crate) const FREE: Self = Self { t: Spectrum::ONE, chance: Spectrum::ONE, survival: 1.0, first: None };
     /// Something in the way.
     const BLOCKED: Self = Self { t: Spectrum::ZERO, chance: Spectrum::ZERO, survival: 0.0, first: None };
 
     /// Goes a distance through matter.
-    fn pass(
+    pub(crate) fn pass(
         &mut self,
         scene: &Scene,
         matter: Option<&Matter<N>>,

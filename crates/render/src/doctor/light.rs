@@ -5,7 +5,7 @@ use moonmilk_geometry::{Accel, Bounds, Ray};
 
 use super::surface::point;
 use super::{Body, Patient, Severity, enclosed, transmits};
-use crate::description::{LightDescription, LightKind, MediumId, MediumKind, SpectrumDescription};
+use crate::description::{LightDescription, LightKind, MediumKind, SpectrumDescription};
 use crate::lights::position;
 
 /// Points of an area light from which it is looked at what stands in front.
@@ -86,21 +86,23 @@ fn has_extent(l: &LightDescription) -> bool {
 /// Returns why light from points and parallel beams is not found behind a smooth refractive boundary, if it is not.
 fn hides(p: &Patient, body: &Body) -> Option<&'static str> {
     let s = &p.d.shapes[body.shape];
-    let varies = |id: MediumId| !matches!(p.d.media[id].kind, MediumKind::Homogeneous { .. });
     if !body.smooth || body.eta == 1.0 {
         None
     } else if !body.closed {
         Some("its surface is open")
     } else if p.scene.materials.perturbs_normals(s.material) {
         Some("a map turns its normals")
-    } else if enclosed(s, p.shapes[body.shape].volume() > 0.0).is_some_and(varies) {
-        Some("its medium varies in space")
     } else {
         let mut rng = Stream::new(&[0x11a, body.shape as u64]);
         let (at, _) = surface_point(&p.shapes[body.shape], &mut rng)?;
-        let others = around(p, at).into_iter().filter(|&i| i != body.shape);
-        let refracts = |i: usize| p.scene.materials.smooth_eta(p.d.shapes[i].material).is_some_and(|eta| eta != 1.0);
-        others.into_iter().any(refracts).then_some("it is inside another refractive object")
+        let mut others = around(p, at).into_iter().filter(|&i| i != body.shape);
+        let ends = |i: usize| {
+            let material = p.d.shapes[i].material;
+            let refracts = p.scene.materials.smooth_eta(material).is_some_and(|eta| eta != 1.0);
+            let clear = p.scene.objects[i].clear && !p.scene.materials.perturbs_normals(material);
+            refracts && !clear
+        };
+        others.any(ends).then_some("it is inside another refractive object that scatters or has a map for its normals")
     }
 }
 

@@ -7,6 +7,7 @@ use super::{Counters, ENDLESS, Integrator, Light, Path};
 use crate::connect;
 use crate::description::MediumId;
 use crate::interior::Interior;
+use crate::manifold::Manifold;
 use crate::media::Matter;
 use crate::scene::Scene;
 use crate::tint::Lanes;
@@ -14,7 +15,7 @@ use crate::tint::Lanes;
 impl Integrator {
     /// Walks through a field until a wall leaves something to decide; returns whether the path goes on.
     ///
-    /// Lights behind the object's own smooth boundary are left to chance: connections through it know homogeneous media only.
+    /// Lights of some extent behind the object's own smooth boundary are left to chance: connections through it know homogeneous media only.
     pub(super) fn step_field<const N: usize>(
         &self,
         scene: &Scene,
@@ -29,6 +30,10 @@ impl Integrator {
         let interior = Interior::new(scene, &path.inside, self.max_depth.is_some(), path.standing, None);
         let collisions = path.walker.collisions;
         let limit = self.max_depth.map_or(ENDLESS as u32, |m| m - path.depth.min(m));
+        let manifold = match self.max_depth {
+            None => Manifold::new(scene, &path.inside, path.ambient.as_ref(), wavelengths),
+            Some(_) => None,
+        };
         let mut tally = connect::InMedium {
             scene,
             wavelengths,
@@ -40,7 +45,7 @@ impl Integrator {
             around: Matter::Field(id),
             connects: scene.lights.samples_in_media() && interior.connects(),
             through: None,
-            manifold: None,
+            manifold,
             seen: None,
             window: None,
             copies: Vec::new(),

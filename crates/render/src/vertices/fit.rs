@@ -69,7 +69,7 @@ pub(crate) fn bodies(scene: &Scene) -> Vec<Lit> {
         let refracts = matches!(o.boundary, Boundary::Smooth { .. });
         // What connections do not find they must not share.
         let perturbed = scene.materials.perturbs_normals(o.material);
-        if refracts && perturbed && scene.lights.has_unseen() {
+        if refracts && (perturbed || scene.has_clear) && scene.lights.has_unseen() {
             return None;
         }
         let lamps = !refracts || scene.lights.share_of_lamps(o.reach.center()) > LAMPS;

@@ -157,6 +157,12 @@ fn behind_clear(what: &str, g: f32, sampled: bool) -> World {
             world.0.shapes[hollow].object_to_world = Mat4::from_translation(Vec3::new(0.1, 0.0, 2.6));
             return with_lamp(world, Vec3::new(-0.3, -0.3, 2.5), Vec3::new(0.5, 0.3, 2.6), None, sampled);
         }
+        "under a pane in another" => {
+            world.body(&ball(1.0), alone, Some(milk), None);
+            let (min, max) = (Vec3::new(-1.5, -1.5, 1.4), Vec3::new(1.5, 1.5, 1.5));
+            world.body(&flat(&cuboid(min, max)), glass, Some(tint), None);
+            world.body(&flat(&cuboid(min - Vec3::Z * 0.1, max + Vec3::Z * 0.2)), alone, None, None);
+        }
         _ => unreachable!("no such scene"),
     }
     lamp_overhead(world, sampled)
@@ -169,6 +175,7 @@ fn sampled_light_equals_light_found_by_chance_through_clear_bodies() {
         ("in a glass ball", 0.8),
         ("filling a tinted glass to its wall", 0.5),
         ("under a pane and a bulb", 0.5),
+        ("under a pane in another", 0.5),
     ] {
         let make = |sampled| behind_clear(what, g, sampled);
         assert_same(&format!("milk {what}, g {g}"), make, EYE, Vec3::new(0.0, -0.3, 0.3), 0.3, [80_000, 200_000]);

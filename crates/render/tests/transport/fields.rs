@@ -22,7 +22,7 @@ fn around() -> FieldBox {
 }
 
 /// Returns a grid of densities with the coefficients of a homogeneous medium.
-fn densities(
+pub fn densities(
     n: u32,
     sigma_a: SpectrumDescription,
     sigma_s: SpectrumDescription,
@@ -49,7 +49,7 @@ fn voxels<T>(n: u32, mut f: impl FnMut(Vec3) -> T) -> Vec<T> {
 }
 
 /// Returns densities that samplers get wrong: mean near 1, a void, and voxels that are 1e4 times as dense as others.
-fn wild(seed: u64) -> impl FnMut(Vec3) -> f32 {
+pub fn wild(seed: u64) -> impl FnMut(Vec3) -> f32 {
     let mut rng = Stream::new(&[seed]);
     move |u| match rng.uniform() {
         _ if u.x < 0.4 => 0.0,
@@ -58,7 +58,7 @@ fn wild(seed: u64) -> impl FnMut(Vec3) -> f32 {
     }
 }
 
-fn constant(x: f32) -> SpectrumDescription {
+pub fn constant(x: f32) -> SpectrumDescription {
     SpectrumDescription::Constant(x)
 }
 

@@ -5,11 +5,12 @@ use std::sync::Arc;
 
 use moonmilk_core::{Mat4, Random, Stream, Vec3, Wavelengths};
 use moonmilk_geometry::generate::{bumpy_sphere, cuboid, sheet};
-use moonmilk_render::description::{GeometryDescription, LightKind};
+use moonmilk_render::description::{GeometryDescription, LightKind, MediumKind};
 use moonmilk_render::integrator::Policy;
 
 use crate::common::{Tracer, World, assert_equal, ball, flat, measure, rectangle, rgb, samples, smooth};
 use crate::connections::EYE;
+use crate::fields::{constant, densities, wild};
 
 /// Where the lamp is.
 const LAMP: Vec3 = Vec3::new(1.0, -1.5, 3.0);
@@ -116,9 +117,99 @@ fn parallel_light_is_that_of_a_lamp_far_away() {
     }
 }
 
+/// Returns a ball of a medium that varies as `f` says, under a point.
+fn varied(eta: f32, f: impl FnMut(Vec3) -> f32) -> World {
+    let mut world = World::new();
+    let medium = world.medium_of(MediumKind::Densities(Box::new(densities(12, constant(0.05), constant(4.0), 0.3, f))));
+    let boundary = world.dielectric(eta, 0.0);
+    world.body(&ball(1.0), boundary, Some(medium), None);
+    with_lamp(&mut world, LAMP, true);
+    world
+}
+
+#[test]
+fn a_point_lights_media_that_vary() {
+    // A grid of constant density is the homogeneous medium.
+    let make = |grid: bool| {
+        let world = if grid { varied(1.4, |_| 1.0) } else { milk(&ball(1.0), 1.4, 4.0, 0.3, true) };
+        world.tracer().by(Policy::Classic)
+    };
+    assert_same_light("grid", make, Vec3::ZERO, 0.4, [40_000, 40_000]);
+    // Behind an index-matched boundary the same light is found along straight lines.
+    let make = |bent: bool| varied(if bent { 1.0002 } else { 1.0 }, wild(7)).tracer();
+    assert_same_light("wild densities", make, Vec3::ZERO, 0.4, [60_000, 60_000]);
+}
+
 #[test]
 fn at_an_index_near_one_refraction_changes_nothing() {
     // Behind an index-matched boundary the same light is found along straight lines; the small difference of the index is worth 1e-3 at most.
     let make = |bent: bool| milk(&ball(1.0), if bent { 1.0002 } else { 1.0 }, 4.0, 0.3, true).tracer();
     assert_same_light("index 1", make, Vec3::ZERO, 0.4, [60_000, 60_000]);
+}
+
+/// Returns a scene of milk behind more than one smooth boundary, without light.
+fn behind_clear(what: &str) -> World {
+    let mut world = World::new();
+    let milk = world.medium(0.05, 5.0, 0.5);
+    let [glass, in_glass, alone] = [1.5, 0.9, 1.35].map(|eta| world.dielectric(eta, 0.0));
+    let tint = world.medium(0.3, 0.0, 0.0);
+    let bumpy = bumpy_sphere(2, 0.2);
+    match what {
+        "in a glass ball" => {
+            world.body(&ball(1.0), glass, None, None);
+            let inner = world.body(&smooth(&bumpy), in_glass, Some(milk), None);
+            world.0.shapes[inner].object_to_world = Mat4::from_scale(Vec3::splat(0.7));
+        }
+        "filling a tinted glass to its wall" => {
+            world.body(&flat(&cuboid(-Vec3::ONE, Vec3::ONE)), glass, Some(tint), None);
+            let (min, max) = (Vec3::new(-0.8, -0.8, -0.8), Vec3::new(0.8, 0.8, 1.0));
+            world.body(&flat(&cuboid(min, max)), in_glass, Some(milk), None);
+        }
+        "under a smooth lens" => {
+            world.body(&flat(&bumpy), alone, Some(milk), None);
+            let lens = world.body(&smooth(&bumpy), glass, Some(tint), None);
+            let place = Mat4::from_translation(Vec3::new(0.3, -0.4, 1.7)) * Mat4::from_scale(Vec3::new(1.0, 1.0, 0.3));
+            world.0.shapes[lens].object_to_world = place;
+        }
+        "under a pane in another" => {
+            world.body(&ball(1.0), alone, Some(milk), None);
+            let (min, max) = (Vec3::new(-1.5, -1.5, 1.4), Vec3::new(1.5, 1.5, 1.5));
+            world.body(&flat(&cuboid(min, max)), glass, Some(tint), None);
+            // Of lower rank where both are: a wall that is not there.
+            world.body(&flat(&cuboid(min - Vec3::Z * 0.1, max + Vec3::Z * 0.2)), alone, None, None);
+        }
+        _ => unreachable!("no such scene"),
+    }
+    world
+}
+
+#[test]
+fn a_point_lights_through_clear_bodies_as_a_small_ball_does() {
+    for what in
+        ["in a glass ball", "filling a tinted glass to its wall", "under a smooth lens", "under a pane in another"]
+    {
+        let make = |point| {
+            let mut world = behind_clear(what);
+            with_lamp(&mut world, LAMP, point);
+            world.tracer()
+        };
+        assert_same_light(&format!("milk {what}"), make, Vec3::new(0.0, -0.3, 0.3), 0.3, [40_000, 100_000]);
+    }
+}
+
+#[test]
+fn parallel_light_through_clear_bodies_is_that_of_a_lamp_far_away() {
+    let (towards, far, radius) = (Vec3::new(0.3, -0.5, 0.8).normalize(), 400.0f32, 20.0f32);
+    for what in ["in a glass ball", "under a smooth lens", "under a pane in another"] {
+        let make = |parallel| {
+            let mut world = behind_clear(what);
+            if parallel {
+                return world.distant(towards, 3.0).tracer();
+            }
+            let lamp = world.emitter(&ball(radius), 3.0 / (PI * (radius / far).powi(2)));
+            world.0.shapes[lamp].object_to_world = Mat4::from_translation(towards * far);
+            world.tracer()
+        };
+        assert_same_light(&format!("milk {what}"), make, Vec3::new(0.0, -0.3, 0.3), 0.3, [40_000, 100_000]);
+    }
 }
