@@ -68,8 +68,8 @@ const DIFFERENCE: f64 = 1e-5;
 const TOLERANCE: f64 = 1e-9;
 /// Angle below which two roots on the same primitives are one [radians]: where two are about to merge, on a caustic, the root of the tolerance.
 const SAME: f64 = 1e-4;
-/// Most flights for one root, for which the first of them led to it: more with a probability that is nothing.
-const MOST_FLIGHTS: u32 = 1 << 16;
+/// Most flights for one root, to which the first of them led: more are needed with a probability below p exp(-p n) for a root found with p, at most 1 / (e n) = 4e-7 for each.
+const MOST_FLIGHTS: u32 = 1 << 20;
 
 /// A path behind its last wall.
 struct Out {

@@ -14,6 +14,9 @@ use crate::texture::TexturePoint;
 use crate::through::is_clear;
 use crate::touch;
 
+/// Most lamps of opacity 0 that a path passes between two walls.
+const MOST_LAMPS: u32 = 64;
+
 /// What a path does at a wall: the outcomes of [`branches`] in their order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Outcome {
@@ -225,10 +228,10 @@ impl<'a, 'b, const N: usize> Trail<'a, 'b, N> {
         if !scene.has_clear {
             return None;
         }
-        loop {
-            if !is_clear(&self.place.medium) {
-                return None;
-            }
+        if !is_clear(&self.place.medium) {
+            return None;
+        }
+        for _ in 0..MOST_LAMPS {
             let (p, d) = (self.place.p, self.d.as_vec3());
             counters.shadow_rays += 1;
             let (hit, surface) = self.meets(p, d)?;
@@ -254,6 +257,7 @@ impl<'a, 'b, const N: usize> Trail<'a, 'b, N> {
             let t = (surface.p.as_dvec3() - self.o).dot(self.d);
             return Wall { hit, patch: scene.accel.patch(&hit), t, eta }.met(self.o, self.d);
         }
+        None
     }
 
     /// Returns what it meets outside.

@@ -67,7 +67,7 @@ pub(crate) fn bodies(scene: &Scene) -> Vec<Lit> {
         let scatters = !medium.sigma_s.is_black() && medium.emission.is_none() && medium.g.abs() < window::FORWARD;
         let guided = || policy::guides(scene, &medium, scene.room(shape).depth(), o.reach.center()).is_some();
         let refracts = matches!(o.boundary, Boundary::Smooth { .. });
-        // What connections do not find they must not share.
+        // What connections do not find they must not share, nor what light's own paths do not: points and parallel light through a glass.
         let perturbed = scene.materials.perturbs_normals(o.material);
         if refracts && (perturbed || scene.has_clear) && scene.lights.has_unseen() {
             return None;
