@@ -324,10 +324,7 @@ impl Integrator {
             None => Through::new(scene, &path.inside, &medium, path.ambient.as_ref(), wavelengths),
             Some(_) => None,
         };
-        let manifold = match self.max_depth {
-            None => Manifold::new(scene, &path.inside, path.ambient.as_ref(), wavelengths),
-            Some(_) => None,
-        };
+        let manifold = if self.max_depth.is_none() { Manifold::new(scene, &path.inside) } else { None };
         let interior = Interior::new(scene, &path.inside, self.max_depth.is_some(), path.standing, through);
         if let Some(start) = path.start.take() {
             interior.set_start(start);

@@ -17,11 +17,12 @@
 //! direction for the same outcomes; what it finds, if not the first root, counts with the inverse of the probability of finding it, of which the number of further flights until it is found
 //! again is an unbiased estimate. As flights are drawn by what roots contribute, the product is even; and every root at which the derivatives do not vanish is counted once in the mean.
 //!
-//! *Through clear bodies.* Milk in a glass, a candle behind a pane: behind the body's own wall the path goes on through smooth boundaries of bodies that do not scatter (`chain.rs`), refracted at each by
-//! the first search, at random by flights, which find what is mirrored inside a glass as well. What ends it, or lets it pass straight on, is asked for along the root alone.
+//! *Through other bodies.* Milk in a glass, a candle behind a pane: where a scene has clear bodies, or the point is in several, the path goes on behind the body's own wall through smooth boundaries, of
+//! whatever bodies (`chain.rs`): refracted at each by the first search, at random by flights, which find what a glass mirrors, inside or onto the milk's outside. What ends it, or lets it pass straight
+//! on, is asked for along the root alone.
 //!
-//! *Domain.* A body of a smooth boundary of another index than 1, nothing but air or clear bodies around it, none of them with a normal map. Caustics on opaque surfaces behind a clear body are not
-//! found.
+//! *Domain.* A body of a smooth boundary of another index than 1, without a normal map, as all boundaries on the way. Not found: what mirrors and rough boundaries send (those sample the lamp by themselves), caustics on opaque
+//! surfaces, and, in scenes without clear bodies, light that a body's own outside or another's mirrors onto it.
 //!
 //! *Source*: solutions by facets are those of \[Walter2009\]; counting by repeated search \[Zeltner2020\] (specular manifold sampling, section 4), here without its first root's noise and with mirrors.
 
@@ -33,10 +34,8 @@ use moonmilk_walk::jump::Scattering;
 use crate::connect::{From, Passage, transmittance};
 use crate::integrator::{Counters, Light};
 use crate::lights::{Lamp, Target};
-use crate::media::Matter;
 use crate::nest::{Inside, Meeting, Nest};
 use crate::scene::{Boundary, Scene};
-use crate::through::is_clear;
 
 mod chain;
 
@@ -98,6 +97,8 @@ pub(crate) struct Manifold<'a> {
     /// Relative index of its boundary, and its index against what is around all bodies: parallel walls outside leave that of all refraction.
     eta: f32,
     index: f32,
+    /// Whether there may be more walls behind it.
+    goes_on: bool,
 }
 
 /// What a search starts from and aims at.
@@ -117,13 +118,8 @@ fn across(d: DVec3) -> [DVec3; 2] {
 
 impl<'a> Manifold<'a> {
     /// Returns the searches for lamps of the body that counts where a path is, or `None` where there are none to find: see the domain above.
-    pub fn new<const N: usize>(
-        scene: &'a Scene,
-        nest: &Nest,
-        ambient: Option<&Matter<N>>,
-        w: &Wavelengths<N>,
-    ) -> Option<Self> {
-        let Inside { shape: object, index, point, .. } = *nest.bodies().last()?;
+    pub fn new(scene: &'a Scene, nest: &Nest) -> Option<Self> {
+        let Inside { shape: object, index, .. } = *nest.bodies().last()?;
         let o = &scene.objects[object as usize];
         let (Boundary::Smooth { eta }, Meeting::True(outer)) = (o.boundary, nest.meet(o, object, true)) else {
             return None;
@@ -132,13 +128,10 @@ impl<'a> Manifold<'a> {
         if !possible || !scene.lights.has_unseen() {
             return None;
         }
-        if nest.bodies().len() == 1 {
-            let eta = eta / outer;
-            return Some(Self { scene, object, eta, index: eta });
-        }
-        let (mut outside, mut ambient) = (None, ambient.copied());
-        nest.clone().cross(scene, object, true, &point, w, &mut outside, &mut ambient);
-        is_clear(&outside).then(|| Self { scene, object, eta: eta / outer, index })
+        // By the index against what is around all bodies; one body's own may be relative.
+        let eta = eta / outer;
+        let index = if nest.bodies().len() == 1 { eta } else { index };
+        Some(Self { scene, object, eta, index, goes_on: scene.has_clear || nest.bodies().len() > 1 })
     }
 
     /// Draws a flight as the walk would go on, but for sure to the first wall; returns its direction and what it did at the walls until there were no more, `None` if it did not get out.
@@ -159,7 +152,8 @@ impl<'a> Manifold<'a> {
                 Next::Clear => return Some((start, outcomes)),
                 Next::Lost => return None,
             };
-            if trail.is_inside && trail.has_met() && rng.uniform() >= (-sigma_t * at.t as f32).exp() {
+            let tau = at.t as f32 * if trail.is_inside { sigma_t } else { trail.sigma_t() };
+            if trail.has_met() && tau > 0.0 && rng.uniform() >= (-tau).exp() {
                 return None;
             }
             let outcome = wall.draw(trail.d, &at, rng.uniform());
@@ -324,7 +318,8 @@ impl<'a> Manifold<'a> {
         let u = [rng.uniform(), rng.uniform(), rng.uniform()];
         let Some((lamp, probability)) = self.scene.lights.choose_unseen(walker.p, u) else { return };
         let Some(target) = &self.scene.lights.target(lamp) else { return };
-        let setting = Setting { scene: self.scene, object: self.object, eta: self.eta, target, w };
+        let setting =
+            Setting { scene: self.scene, object: self.object, eta: self.eta, target, w, goes_on: self.goes_on };
         let quest = Quest { setting, from: &from };
         let mut count = |root: &Root, factor: f32, rng: &mut Sampler, counters: &mut Counters| {
             let (value, _) = vertex.towards(root.omega.as_vec3());

@@ -96,13 +96,12 @@ fn hides(p: &Patient, body: &Body) -> Option<&'static str> {
         let mut rng = Stream::new(&[0x11a, body.shape as u64]);
         let (at, _) = surface_point(&p.shapes[body.shape], &mut rng)?;
         let mut others = around(p, at).into_iter().filter(|&i| i != body.shape);
-        let ends = |i: usize| {
+        let mapped = |i: usize| {
             let material = p.d.shapes[i].material;
             let refracts = p.scene.materials.smooth_eta(material).is_some_and(|eta| eta != 1.0);
-            let clear = p.scene.objects[i].clear && !p.scene.materials.perturbs_normals(material);
-            refracts && !clear
+            refracts && p.scene.materials.perturbs_normals(material)
         };
-        others.any(ends).then_some("it is inside another refractive object that scatters or has a map for its normals")
+        others.any(mapped).then_some("it is inside another refractive object, whose normals a map turns")
     }
 }
 

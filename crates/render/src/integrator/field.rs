@@ -30,10 +30,7 @@ impl Integrator {
         let interior = Interior::new(scene, &path.inside, self.max_depth.is_some(), path.standing, None);
         let collisions = path.walker.collisions;
         let limit = self.max_depth.map_or(ENDLESS as u32, |m| m - path.depth.min(m));
-        let manifold = match self.max_depth {
-            None => Manifold::new(scene, &path.inside, path.ambient.as_ref(), wavelengths),
-            Some(_) => None,
-        };
+        let manifold = if self.max_depth.is_none() { Manifold::new(scene, &path.inside) } else { None };
         let mut tally = connect::InMedium {
             scene,
             wavelengths,

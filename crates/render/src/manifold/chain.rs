@@ -1,4 +1,4 @@
-//! The walls between a collision and a lamp: those of the body itself, then those of clear bodies on the way.
+//! The walls between a collision and a lamp: those of the body itself, then those of other bodies on the way, and its own again from outside.
 
 use moonmilk_core::{DVec3, Vec3, Wavelengths};
 use moonmilk_geometry::{Contact, Facing, Hit, Patch, Prim, Ray, Surface};
@@ -8,10 +8,10 @@ use crate::connect::From;
 use crate::integrator::Counters;
 use crate::interior::Standing;
 use crate::lights::Target;
+use crate::media::Matter;
 use crate::nest::Meeting;
 use crate::scene::{Boundary, Scene};
 use crate::texture::TexturePoint;
-use crate::through::is_clear;
 use crate::touch;
 
 /// Most lamps of opacity 0 that a path passes between two walls.
@@ -162,6 +162,8 @@ pub(super) struct Setting<'a, 'b, const N: usize> {
     pub eta: f32,
     pub target: &'b Target,
     pub w: &'b Wavelengths<N>,
+    /// Whether there may be more walls behind the body's own.
+    pub goes_on: bool,
 }
 
 /// A path on its way from wall to wall.
@@ -185,6 +187,14 @@ impl<'a, 'b, const N: usize> Trail<'a, 'b, N> {
     /// Returns whether it has met a wall.
     pub fn has_met(&self) -> bool {
         self.from.is_some()
+    }
+
+    /// Returns the extinction around it outside of the body, where that is known.
+    pub fn sigma_t(&self) -> f32 {
+        match &self.place.medium {
+            Some(Matter::Homogeneous(m) | Matter::Similar(m, _)) => m.sigma_t[0],
+            Some(Matter::Field(_)) | None => 0.0,
+        }
     }
 
     /// Returns what it meets next.
@@ -225,10 +235,7 @@ impl<'a, 'b, const N: usize> Trail<'a, 'b, N> {
     /// Returns the next wall outside that turns it or lets it pass.
     fn beyond(&mut self, counters: &mut Counters) -> Option<(Wall<'a>, Contact)> {
         let scene = self.setting.scene;
-        if !scene.has_clear {
-            return None;
-        }
-        if !is_clear(&self.place.medium) {
+        if !self.setting.goes_on {
             return None;
         }
         for _ in 0..MOST_LAMPS {
@@ -245,10 +252,11 @@ impl<'a, 'b, const N: usize> Trail<'a, 'b, N> {
             if object.alpha.is_some() || contrary || light.is_some() {
                 return None;
             }
+            let is_body = object.body.is_some() && !object.fibre && scene.bank(object).is_none();
             let meeting = self.place.inside.meet(object, hit.shape, hit.exiting);
             let eta = match (object.boundary, meeting) {
                 _ if object.is_open_to_light(meeting, hit.exiting) => 1.0,
-                (Boundary::Smooth { eta }, Meeting::True(outer)) if object.clear => eta / outer,
+                (Boundary::Smooth { eta }, Meeting::True(outer)) if is_body => eta / outer,
                 _ => return None,
             };
             if eta != 1.0 && scene.materials.perturbs_normals(object.material) {
@@ -277,7 +285,7 @@ impl<'a, 'b, const N: usize> Trail<'a, 'b, N> {
         let Some(d) = wall.turn(self.d, at, outcome) else { return false };
         let leaves = self.is_inside && outcome.is_transmitted();
         // What is around matters where there may be more walls.
-        if self.setting.scene.has_clear && (leaves || !self.is_inside) {
+        if self.setting.goes_on && (leaves || !self.is_inside) {
             wall.pass(self.setting.scene, &mut self.place, at, self.d.as_vec3(), outcome, self.setting.w);
         }
         self.is_inside &= !leaves;

@@ -148,7 +148,7 @@ fn at_an_index_near_one_refraction_changes_nothing() {
 }
 
 /// Returns a scene of milk behind more than one smooth boundary, without light.
-fn behind_clear(what: &str) -> World {
+fn behind_others(what: &str) -> World {
     let mut world = World::new();
     let milk = world.medium(0.05, 5.0, 0.5);
     let [glass, in_glass, alone] = [1.5, 0.9, 1.35].map(|eta| world.dielectric(eta, 0.0));
@@ -159,6 +159,12 @@ fn behind_clear(what: &str) -> World {
             world.body(&ball(1.0), glass, None, None);
             let inner = world.body(&smooth(&bumpy), in_glass, Some(milk), None);
             world.0.shapes[inner].object_to_world = Mat4::from_scale(Vec3::splat(0.7));
+        }
+        "in a ball of wax" => {
+            let wax = world.medium(0.05, 0.5, 0.0);
+            world.body(&ball(1.0), glass, Some(wax), None);
+            let inner = world.body(&ball(0.7), in_glass, Some(milk), None);
+            world.0.shapes[inner].object_to_world = Mat4::from_translation(Vec3::Y * -0.2);
         }
         "filling a tinted glass to its wall" => {
             world.body(&flat(&cuboid(-Vec3::ONE, Vec3::ONE)), glass, Some(tint), None);
@@ -184,12 +190,16 @@ fn behind_clear(what: &str) -> World {
 }
 
 #[test]
-fn a_point_lights_through_clear_bodies_as_a_small_ball_does() {
-    for what in
-        ["in a glass ball", "filling a tinted glass to its wall", "under a smooth lens", "under a pane in another"]
-    {
+fn a_point_lights_through_other_bodies_as_a_small_ball_does() {
+    for what in [
+        "in a glass ball",
+        "in a ball of wax",
+        "filling a tinted glass to its wall",
+        "under a smooth lens",
+        "under a pane in another",
+    ] {
         let make = |point| {
-            let mut world = behind_clear(what);
+            let mut world = behind_others(what);
             with_lamp(&mut world, LAMP, point);
             world.tracer()
         };
@@ -198,11 +208,11 @@ fn a_point_lights_through_clear_bodies_as_a_small_ball_does() {
 }
 
 #[test]
-fn parallel_light_through_clear_bodies_is_that_of_a_lamp_far_away() {
+fn parallel_light_through_other_bodies_is_that_of_a_lamp_far_away() {
     let (towards, far, radius) = (Vec3::new(0.3, -0.5, 0.8).normalize(), 400.0f32, 20.0f32);
     for what in ["in a glass ball", "under a smooth lens", "under a pane in another"] {
         let make = |parallel| {
-            let mut world = behind_clear(what);
+            let mut world = behind_others(what);
             if parallel {
                 return world.distant(towards, 3.0).tracer();
             }
