@@ -145,6 +145,7 @@ pub(super) fn tempered(ng: DVec3, ns: DVec3) -> DVec3 {
 }
 
 /// What a path meets next.
+#[expect(clippy::large_enum_variant, reason = "walls are the rule, and a box would be an allocation a ray")]
 pub(super) enum Next<'a> {
     /// A wall that it is turned at or passes, where, and whether it comes closest to the lamp before that: it may end there instead.
     Wall(Wall<'a>, Contact, bool),
