@@ -181,7 +181,7 @@ fn behind_others(what: &str) -> World {
             world.body(&ball(1.0), alone, Some(milk), None);
             let (min, max) = (Vec3::new(-1.5, -1.5, 1.4), Vec3::new(1.5, 1.5, 1.5));
             world.body(&flat(&cuboid(min, max)), glass, Some(tint), None);
-            // Of lower rank where both are: a wall that is not there.
+            // Clear, too, and around the pane: four boundaries, one index over the other.
             world.body(&flat(&cuboid(min - Vec3::Z * 0.1, max + Vec3::Z * 0.2)), alone, None, None);
         }
         _ => unreachable!("no such scene"),
