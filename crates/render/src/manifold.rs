@@ -21,7 +21,10 @@
 //! whatever bodies (`chain.rs`): refracted at each by the first search, at random by flights, which find what a glass mirrors, inside or onto the milk's outside. What ends it, or lets it pass straight
 //! on, is asked for along the root alone.
 //!
-//! *Domain.* A body of a smooth boundary of another index than 1, without a normal map, as all boundaries on the way. Not found: what mirrors and rough boundaries send (those sample the lamp by themselves), caustics on opaque
+//! *Fog in a glass.* Where the innermost body lets light straight through but lies in one that does not, the same is done from its inside on, and ways that no wall turns are left to straight
+//! connections.
+//!
+//! *Domain.* A body of a smooth boundary of another index than 1, or without a boundary inside such a body; no normal map, as on all boundaries on the way. Not found: what mirrors and rough boundaries send (those sample the lamp by themselves), caustics on opaque
 //! surfaces, and, in scenes without clear bodies, light that a body's own outside or another's mirrors onto it.
 //!
 //! *Source*: solutions by facets are those of \[Walter2009\]; counting by repeated search \[Zeltner2020\] (specular manifold sampling, section 4), here without its first root's noise and with mirrors.
@@ -39,7 +42,7 @@ use crate::scene::{Boundary, Scene};
 
 mod chain;
 
-use chain::{Next, Outcome, Setting, Trail, Wall, are_same, tempered};
+use chain::{Next, Outcome, Own, Setting, Trail, Wall, are_same, tempered};
 
 /// Depth from which searches become rarer [mean free paths].
 const SHALLOW: f32 = 0.5;
@@ -84,6 +87,11 @@ struct Root<'a> {
 }
 
 impl Root<'_> {
+    /// Returns whether any wall turns it: what goes straight on is found by other strategies.
+    fn bends(&self) -> bool {
+        self.walls.iter().any(|w| w.eta != 1.0)
+    }
+
     fn is(&self, o: &Root<'_>) -> bool {
         self.omega.distance(o.omega) < SAME && self.outcomes == o.outcomes && are_same(&self.walls, &o.walls)
     }
@@ -93,9 +101,9 @@ impl Root<'_> {
 #[derive(Clone, Copy)]
 pub(crate) struct Manifold<'a> {
     scene: &'a Scene,
-    object: u32,
-    /// Relative index of its boundary, and its index against what is around all bodies: parallel walls outside leave that of all refraction.
-    eta: f32,
+    /// The body whose wall comes first, if that is the innermost's own.
+    wall: Option<Own>,
+    /// Index there against what is around all bodies: parallel walls outside leave that of all refraction.
     index: f32,
     /// Whether there may be more walls behind it.
     goes_on: bool,
@@ -119,19 +127,27 @@ fn across(d: DVec3) -> [DVec3; 2] {
 impl<'a> Manifold<'a> {
     /// Returns the searches for lamps of the body that counts where a path is, or `None` where there are none to find: see the domain above.
     pub fn new(scene: &'a Scene, nest: &Nest) -> Option<Self> {
-        let Inside { shape: object, index, .. } = *nest.bodies().last()?;
-        let o = &scene.objects[object as usize];
-        let (Boundary::Smooth { eta }, Meeting::True(outer)) = (o.boundary, nest.meet(o, object, true)) else {
+        let (&Inside { shape, index, .. }, around) = nest.bodies().split_last()?;
+        if !scene.lights.has_unseen() {
+            return None;
+        }
+        let o = &scene.objects[shape as usize];
+        let meeting = nest.meet(o, shape, true);
+        if o.is_open_to_light(meeting, true) {
+            let refracts = |b: &Inside| scene.objects[b.shape as usize].refracts();
+            return around.iter().any(refracts).then_some(Self { scene, wall: None, index, goes_on: true });
+        }
+        let (Boundary::Smooth { eta }, Meeting::True(outer)) = (o.boundary, meeting) else {
             return None;
         };
-        let possible = o.body.is_some() && eta != outer && !scene.materials.perturbs_normals(o.material);
-        if !possible || !scene.lights.has_unseen() {
+        if o.body.is_none() || scene.materials.perturbs_normals(o.material) {
             return None;
         }
         // By the index against what is around all bodies; one body's own may be relative.
         let eta = eta / outer;
-        let index = if nest.bodies().len() == 1 { eta } else { index };
-        Some(Self { scene, object, eta, index, goes_on: scene.has_clear || nest.bodies().len() > 1 })
+        let index = if around.is_empty() { eta } else { index };
+        let goes_on = scene.has_clear || !around.is_empty();
+        Some(Self { scene, wall: Some(Own { object: shape, eta }), index, goes_on })
     }
 
     /// Draws a flight as the walk would go on, but for sure to the first wall; returns its direction and what it did at the walls until there were no more, `None` if it did not get out.
@@ -318,8 +334,7 @@ impl<'a> Manifold<'a> {
         let u = [rng.uniform(), rng.uniform(), rng.uniform()];
         let Some((lamp, probability)) = self.scene.lights.choose_unseen(walker.p, u) else { return };
         let Some(target) = &self.scene.lights.target(lamp) else { return };
-        let setting =
-            Setting { scene: self.scene, object: self.object, eta: self.eta, target, w, goes_on: self.goes_on };
+        let setting = Setting { scene: self.scene, wall: self.wall, target, w, goes_on: self.goes_on };
         let quest = Quest { setting, from: &from };
         let mut count = |root: &Root, factor: f32, rng: &mut Sampler, counters: &mut Counters| {
             let (value, _) = vertex.towards(root.omega.as_vec3());
@@ -332,7 +347,7 @@ impl<'a> Manifold<'a> {
         };
 
         let aimed = self.aimed(&quest, counters);
-        let first = aimed.and_then(|omega| Self::search(&quest, omega, None, counters));
+        let first = aimed.and_then(|omega| Self::search(&quest, omega, None, counters)).filter(Root::bends);
         if let Some(root) = &first {
             count(root, 1.0, rng, counters);
         }
@@ -342,7 +357,7 @@ impl<'a> Manifold<'a> {
         }
         let Some((omega, outcomes)) = Self::flight(&quest, vertex, sigma_t, rng, counters) else { return };
         let Some(root) = Self::search(&quest, omega, Some(&outcomes), counters) else { return };
-        if first.is_some_and(|f| f.is(&root)) {
+        if !root.bends() || first.is_some_and(|f| f.is(&root)) {
             return;
         }
         let mut flights = 1;

@@ -162,6 +162,12 @@ impl Object {
         self.set
     }
 
+    /// Returns whether its boundary is smooth and turns light, seen from vacuum or by its relative index.
+    #[inline]
+    pub(crate) fn refracts(&self) -> bool {
+        matches!(self.boundary, Boundary::Smooth { eta } if eta != 1.0)
+    }
+
     /// Returns whether light that leaves this body may have entered another one.
     #[inline]
     pub(crate) fn is_one_with(&self, other: &Object) -> bool {
@@ -325,8 +331,7 @@ impl Scene {
             },
         };
         let is_clear = |o: &Object| {
-            let refracts = matches!(o.boundary, Boundary::Smooth { eta } if eta != 1.0);
-            refracts && o.body.is_some() && o.alpha.is_none() && o.bank.is_none() && !o.fibre && !scatters(o.inside)
+            o.refracts() && o.body.is_some() && o.alpha.is_none() && o.bank.is_none() && !o.fibre && !scatters(o.inside)
         };
         let clear: Vec<bool> = self.objects.iter().map(is_clear).collect();
         self.has_clear = clear.contains(&true);

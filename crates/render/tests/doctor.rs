@@ -187,6 +187,12 @@ fn light_that_is_missing_black_or_turned_away_is_found() {
     let milk = refracts.0.shapes[0].material;
     refracts.0.materials[milk].displacement = None;
     assert_eq!(codes(&refracts.clone().distant(Vec3::Y, 1.0)), ["point-lights!"]);
+    // Fog without a boundary of its own is hidden by the glass alone.
+    let mut fog = refracts.clone();
+    fog.0.shapes[0].material = fog.dielectric(1.0, 0.0);
+    assert_eq!(codes(&fog.clone().distant(Vec3::Y, 1.0)), ["point-lights!"]);
+    fog.0.materials.iter_mut().for_each(|m| m.displacement = None);
+    assert!(codes(&fog.distant(Vec3::Y, 1.0)).is_empty(), "parallel light is found in fog in a glass");
     assert_eq!(codes(&refracts.environment(1.0).distant(Vec3::Y, 1.0)), ["point-lights"]);
 }
 

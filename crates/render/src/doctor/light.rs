@@ -86,11 +86,12 @@ fn has_extent(l: &LightDescription) -> bool {
 /// Returns why light from points and parallel beams is not found behind a smooth refractive boundary, if it is not.
 fn hides(p: &Patient, body: &Body) -> Option<&'static str> {
     let s = &p.d.shapes[body.shape];
-    if !body.smooth || body.eta == 1.0 {
+    let refracts = body.eta != 1.0;
+    if !body.smooth {
         None
-    } else if !body.closed {
+    } else if refracts && !body.closed {
         Some("its surface is open")
-    } else if p.scene.materials.perturbs_normals(s.material) {
+    } else if refracts && p.scene.materials.perturbs_normals(s.material) {
         Some("a map turns its normals")
     } else {
         let mut rng = Stream::new(&[0x11a, body.shape as u64]);

@@ -155,15 +155,22 @@ pub(super) enum Next<'a> {
     Lost,
 }
 
-/// The body that a path begins in, and its lamp.
+/// The body that a path begins in and whose wall turns it first, and its index over that beyond.
+#[derive(Clone, Copy)]
+pub(super) struct Own {
+    pub object: u32,
+    pub eta: f32,
+}
+
+/// Where a path begins, and its lamp.
 #[derive(Clone, Copy)]
 pub(super) struct Setting<'a, 'b, const N: usize> {
     pub scene: &'a Scene,
-    pub object: u32,
-    pub eta: f32,
+    /// `None` where the innermost body has no such wall.
+    pub wall: Option<Own>,
     pub target: &'b Target,
     pub w: &'b Wavelengths<N>,
-    /// Whether there may be more walls behind the body's own.
+    /// Whether there may be more walls behind that.
     pub goes_on: bool,
 }
 
@@ -174,7 +181,7 @@ pub(super) struct Trail<'a, 'b, const N: usize> {
     place: From<N>,
     o: DVec3,
     pub d: DVec3,
-    /// The primitive that it stands on, and whether it has not left the body yet.
+    /// The primitive that it stands on, and whether it has not left the body yet whose wall comes first.
     from: Option<Prim>,
     pub is_inside: bool,
 }
@@ -182,7 +189,7 @@ pub(super) struct Trail<'a, 'b, const N: usize> {
 impl<'a, 'b, const N: usize> Trail<'a, 'b, N> {
     /// Returns the path that leaves a collision along d.
     pub fn new(setting: Setting<'a, 'b, N>, place: From<N>, d: DVec3) -> Self {
-        Self { setting, o: place.p.as_dvec3(), place, d, from: None, is_inside: true }
+        Self { setting, o: place.p.as_dvec3(), place, d, from: None, is_inside: setting.wall.is_some() }
     }
 
     /// Returns whether it has met a wall.
@@ -213,7 +220,8 @@ impl<'a, 'b, const N: usize> Trail<'a, 'b, N> {
 
     /// Returns the wall of the body.
     fn within(&self, counters: &mut Counters) -> Option<(Wall<'a>, Contact)> {
-        let Setting { scene, object, eta, .. } = self.setting;
+        let Setting { scene, wall, .. } = self.setting;
+        let Own { object, eta } = wall?;
         counters.segments += 1;
         let own = &scene.objects[object as usize];
         let mut ray = Ray::new(self.o.as_vec3(), self.d.as_vec3()).facing(Facing::Exiting(own.body?));
