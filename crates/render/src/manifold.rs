@@ -58,6 +58,10 @@ const MOST_WALLS: usize = 64;
 const AIMS: usize = 5;
 /// Rounds of a search: from the primitives met to the root on them.
 const ROUNDS: usize = 8;
+/// Rounds where light is refracted more than once, and the parts of the way that are tried there: all, half, and so on. A fine lens of interpolated normals above milk loses a fifth of its light to roots that hardly any flight finds
+/// without; the marble dragon under the sun gains nothing by them, at 1.2 to 1.45 times the time.
+const MANY_ROUNDS: usize = 12;
+const PARTS: u32 = 4;
 /// Steps of Newton's method on the same primitives.
 const STEPS: usize = 12;
 /// Halvings of a step.
@@ -203,13 +207,13 @@ impl<'a> Manifold<'a> {
         out.d - towards(target, out.p)
     }
 
-    /// Moves a direction to the root on the continued primitives of some walls: Newton's method, its steps halved until they come closer.
-    fn polish(walls: &[Wall], c: DVec3, mut omega: DVec3, outcomes: &[Outcome], target: &Target) -> Option<DVec3> {
-        let mut out = Self::follow(walls, c, omega, outcomes, |_, _, _, _| ())?;
+    /// Moves a direction to the root on the continued primitives of some walls: Newton's method, its steps halved until they come closer. Returns where it got, and whether that is the root.
+    fn polish(walls: &[Wall], c: DVec3, mut omega: DVec3, outcomes: &[Outcome], target: &Target) -> (DVec3, bool) {
+        let Some(mut out) = Self::follow(walls, c, omega, outcomes, |_, _, _, _| ()) else { return (omega, false) };
         let mut e = Self::miss(target, &out);
         for _ in 0..STEPS {
             if e.length() < TOLERANCE {
-                return Some(omega);
+                return (omega, true);
             }
             let [x, y] = across(towards(target, out.p));
             let [s, t] = across(omega);
@@ -218,31 +222,26 @@ impl<'a> Manifold<'a> {
                 let e = Self::miss(target, &at(DIFFERENCE)?) - Self::miss(target, &at(-DIFFERENCE)?);
                 Some([e.dot(x), e.dot(y)].map(|e| e / (2.0 * DIFFERENCE)))
             };
-            let ([a, b], [f, g]) = (slope(s)?, slope(t)?);
+            let (Some([a, b]), Some([f, g])) = (slope(s), slope(t)) else { return (omega, false) };
             let (ex, ey) = (e.dot(x), e.dot(y));
             let det = a * g - f * b;
             let step = s * ((f * ey - g * ex) / det) + t * ((b * ex - a * ey) / det);
             let length = step.length();
             if !length.is_finite() {
-                return None;
+                return (omega, false);
             }
             let mut share = (LONGEST / length).min(1.0);
-            let mut left = HALVINGS;
-            (omega, out, e) = loop {
+            let closer = (0..=HALVINGS).find_map(|_| {
                 let there = (omega + step * share).normalize();
-                if let Some(out) = Self::follow(walls, c, there, outcomes, |_, _, _, _| ()) {
-                    let miss = Self::miss(target, &out);
-                    if miss.length() < e.length() {
-                        break (there, out, miss);
-                    }
-                }
-                if left == 0 {
-                    return None;
-                }
-                (share, left) = (0.5 * share, left - 1);
-            };
+                share *= 0.5;
+                let out = Self::follow(walls, c, there, outcomes, |_, _, _, _| ())?;
+                let miss = Self::miss(target, &out);
+                (miss.length() < e.length()).then_some((there, out, miss))
+            });
+            let Some(closer) = closer else { return (omega, false) };
+            (omega, out, e) = closer;
         }
-        None
+        (omega, false)
     }
 
     /// Returns the walls that a path along omega meets for some outcomes, or for refraction at every one until there are no more; `None` if there is no such path.
@@ -271,23 +270,44 @@ impl<'a> Manifold<'a> {
         (!trail.is_inside).then_some(walls)
     }
 
-    /// Searches for a root from a direction, with given outcomes or by refraction alone.
+    /// Searches for a root from a direction, with given outcomes or by refraction alone: on the primitives met to the root of their continuation, and where others are met there, on from them.
     fn search<const N: usize>(
         quest: &Quest<'a, '_, N>,
         mut omega: DVec3,
         plan: Option<&[Outcome]>,
         counters: &mut Counters,
     ) -> Option<Root<'a>> {
+        let (c, target) = (quest.from.p.as_dvec3(), quest.setting.target);
+        let outcomes = |walls: &[Wall]| plan.map_or_else(|| vec![Outcome::Refracted; walls.len()], <[_]>::to_vec);
+        let miss = |walls: &[Wall], omega: DVec3| {
+            let out = Self::follow(walls, c, omega, &outcomes(walls), |_, _, _, _| ())?;
+            Some(Self::miss(target, &out).length())
+        };
         let mut walls = Self::walls(quest, omega, plan, counters)?;
-        for _ in 0..ROUNDS {
-            let outcomes = plan.map_or_else(|| vec![Outcome::Refracted; walls.len()], <[_]>::to_vec);
-            let Setting { target, .. } = quest.setting;
-            omega = Self::polish(&walls, quest.from.p.as_dvec3(), omega, &outcomes, target)?;
-            let there = Self::walls(quest, omega, plan, counters)?;
-            if are_same(&there, &walls) {
-                return Some(Root { omega, walls: there, outcomes });
+        let refracts = |(wall, outcome): (&Wall, Outcome)| wall.eta != 1.0 && outcome.is_transmitted();
+        let refractions = walls.iter().zip(outcomes(&walls)).filter(|&w| refracts(w)).count();
+        let (rounds, parts) = if refractions > 1 { (MANY_ROUNDS, PARTS) } else { (ROUNDS, 0) };
+        for _ in 0..rounds {
+            let (goal, is_root) = Self::polish(&walls, c, omega, &outcomes(&walls), target);
+            if !is_root && parts == 0 {
+                return None;
             }
-            walls = there;
+            let there = Self::walls(quest, goal, plan, counters);
+            if let Some(there) = there.as_ref().filter(|w| is_root && are_same(w, &walls)) {
+                let outcomes = outcomes(there);
+                return Some(Root { omega: goal, walls: there.clone(), outcomes });
+            }
+            // Go as far as the real surface comes closer, which is bent where its primitives are not.
+            let now = miss(&walls, omega)?;
+            let mut share = 1.0;
+            let closer = (0..parts).find_map(|k| {
+                let part = (omega + (goal - omega) * share).normalize();
+                share *= 0.5;
+                let met = if k == 0 { there.clone() } else { Self::walls(quest, part, plan, counters) }?;
+                (miss(&met, part)? < now).then_some((part, met))
+            });
+            // Facets may have to be left against that.
+            (omega, walls) = closer.or_else(|| there.filter(|_| is_root).map(|w| (goal, w)))?;
         }
         None
     }

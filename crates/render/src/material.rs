@@ -118,6 +118,13 @@ impl Materials {
         self.smooth_eta[id]
     }
 
+    /// Returns whether the material is a `dielectric` or `subsurface` that is rough somewhere and has one index for all wavelengths.
+    pub(crate) fn is_rough_dielectric(&self, id: MaterialId) -> bool {
+        let m = &self.list[id];
+        let refracts = matches!(m.kind, MaterialKind::Dielectric { .. } | MaterialKind::Subsurface { .. });
+        refracts && self.smooth_eta[id].is_none() && m.index.as_ref().is_some_and(|i| !i.dispersive)
+    }
+
     /// Returns the index of a `dielectric` or `subsurface`, inside / outside, at 550 nm if it varies; 1 for all others.
     pub fn index(&self, id: MaterialId) -> f32 {
         let m = &self.list[id];

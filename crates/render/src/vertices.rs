@@ -2,7 +2,7 @@
 //!
 //! For one sample number light is followed into each body that is fit for it: lines at random through the ball around it meet its surface in points of uniform density
 //! ([`crate::cloud`]), a light sample and a path say what falls there and whence, some of these beams are drawn in proportion to their flux, refracted, and walked until they
-//! leave. Every collision is a *vertex*: a place, the direction of arrival and the flux that it scatters. A camera's path then adds at its collision x, for all vertices y,
+//! leave (`wall.rs`). Every collision is a *vertex*: a place, the direction of arrival and the flux that it scatters. A camera's path then adds at its collision x, for all vertices y,
 //!
 //! $$ \sum_y w(r)\, \beta\, p(\omega \cdot \omega_{xy})\, \frac{e^{-\sigma_t r}}{r^2}\, p(\omega_y \cdot \omega_{yx})\, \Phi_y , \qquad r = |x - y| , $$
 //!
@@ -28,20 +28,20 @@ use moonmilk_walk::jump::Scattering;
 use moonmilk_walk::{Medium, Outcome, PhaseFunction, Roulette, Tally, Walker, classic};
 use rayon::prelude::*;
 
-use crate::bsdf::{Crossing, cross};
 use crate::cloud::{self, Point, Tree};
 use crate::integrator::{Counters, Integrator};
 use crate::interior::{Exit, Interior, Standing};
 use crate::media::Matter;
-use crate::nest::{Inside, Meeting, Nest};
-use crate::scene::{Boundary, Scene};
+use crate::nest::{Inside, Nest};
+use crate::scene::Scene;
 use crate::texture::TexturePoint;
-use crate::through;
 use crate::touch::{self, Arrival};
 
 mod fit;
+mod wall;
 
 pub(crate) use fit::{Lit, bodies};
+use wall::Wall;
 
 /// Word that separates the random numbers of light's paths from those of pixels.
 const LIGHT: u64 = 0x11_6487;
@@ -166,7 +166,7 @@ impl Vertices {
                     for (j, beam) in beams.iter().enumerate() {
                         let mut rng = Sampler::new(seed, 1, b as u32, j as u64);
                         let [collisions, segments] =
-                            beam.walk(scene, &medium, integrator.roulette, &mut points, &mut rng);
+                            beam.walk(scene, &medium, &wavelengths, integrator.roulette, &mut points, &mut rng);
                         done = [done[0] + collisions, done[1] + segments];
                     }
                     (points, done)
@@ -281,6 +281,7 @@ impl<const N: usize> Beam<N> {
         &self,
         scene: &Scene,
         medium: &Medium<N>,
+        wavelengths: &Wavelengths<N>,
         roulette: Roulette,
         points: &mut Vec<Point<Arrived>>,
         rng: &mut Sampler,
@@ -288,19 +289,11 @@ impl<const N: usize> Beam<N> {
         let shape = self.hit.shape;
         let object = &scene.objects[shape as usize];
         let mut nest = Nest::default();
-        let outside = nest.meet(object, shape, false);
+        let wall = Wall::of(scene, object, nest.meet(object, shape, false));
         let s = &self.surface;
         nest.step_into(object, shape, TexturePoint { p: s.p, n: s.ng, uv: s.uv });
-        let (eta, d, share) = match (object.boundary, outside) {
-            (Boundary::Smooth { eta }, Meeting::True(outer)) => {
-                let eta = eta / outer;
-                let u = rng.uniform();
-                let ns = scene.boundary_normal(object, s);
-                let Some((d, _, share)) = through::transmit(self.wi, s.ng, ns, eta, || u) else { return [0, 0] };
-                (Some(eta), d, share)
-            }
-            _ => (None, -self.wi, 1.0),
-        };
+        let Some((d, share)) = wall.enter(scene, object, s, self.wi, wavelengths, rng) else { return [0, 0] };
+        let mut flux = self.flux * share;
         // Draw the lane that is followed.
         let first = if N > 1 && !medium.is_gray() { (rng.uniform() * N as f32) as usize % N } else { 0 };
         let medium = if first == 0 {
@@ -313,27 +306,29 @@ impl<const N: usize> Beam<N> {
         let (mut segments, mut collisions) = (0, 0);
         loop {
             let interior = Interior::new(scene, &nest, false, standing, None);
-            let flux = self.flux * share;
             let mut recorder = Recorder { interior: &interior, points, flux, first, collisions: 0 };
             let outcome = classic::walk(&interior, &medium, &roulette.into(), &mut walker, &mut recorder, rng);
             segments += interior.segments();
             collisions += recorder.collisions;
+            let Outcome::Left(Exit::Surface(hit, surface)) = outcome else { return [collisions, segments] };
             // Where something touches the body, its own wall may be found second.
-            let (Outcome::Left(Exit::Surface(hit, surface)), Some(eta)) = (outcome, eta) else {
-                return [collisions, segments];
-            };
-            match touch::arrival(scene, &nest, &hit, &surface, walker.d) {
-                Arrival::Ghost => standing = Standing::Through(hit),
-                Arrival::Other(hit, surface) if hit.shape == shape => {
-                    let ns = scene.boundary_normal(object, &surface);
-                    let Crossing::Reflected(d) = cross(-walker.d, surface.ng, ns, eta, rng) else {
-                        return [collisions, segments];
-                    };
-                    (walker.p, walker.d, walker.room) = (surface.p, d, 0.0);
-                    standing = Standing::Inside(hit);
+            let own = match touch::arrival(scene, &nest, &hit, &surface, walker.d) {
+                Arrival::Ghost => {
+                    standing = Standing::Through(hit);
+                    continue;
                 }
-                _ => return [collisions, segments],
-            }
+                Arrival::This if hit.shape == shape && hit.exiting => Some((hit, surface)),
+                Arrival::Other(hit, surface) if hit.shape == shape => Some((hit, surface)),
+                _ => None,
+            };
+            let turned = own.and_then(|(hit, surface)| {
+                let (d, share) = wall.turn(scene, object, &surface, walker.d, wavelengths, rng)?;
+                Some((hit, surface, d, share))
+            });
+            let Some((hit, surface, d, share)) = turned else { return [collisions, segments] };
+            (walker.p, walker.d, walker.room) = (surface.p, d, 0.0);
+            flux *= share;
+            standing = Standing::Inside(hit);
         }
     }
 }

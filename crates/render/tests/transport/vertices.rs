@@ -88,6 +88,39 @@ fn bodies_under_lamps_look_as_by_flights() {
 }
 
 #[test]
+fn rough_bodies_under_lamps_look_as_by_flights() {
+    // Smooth and flat normals, roughness, a hollow that shines into itself.
+    for (eta, alpha, g, smoothed) in
+        [(1.4f32, 0.3f32, 0.0f32, true), (1.5, 0.1, 0.4, false), (0.8, 0.2, 0.0, false), (1.33, 0.6, -0.4, true)]
+    {
+        let mut world = World::new();
+        let wax = world.medium(0.2, 6.0, g);
+        let boundary = world.dielectric(eta, alpha);
+        let mesh = bumpy_sphere(2, 0.3);
+        world.body(&if smoothed { smooth(&mesh) } else { flat(&mesh) }, boundary, Some(wax), None);
+        let world = lamp(world).environment(0.3);
+        assert_same(&format!("rough milk under a lamp, {eta} {alpha} {g}"), &world, 150);
+    }
+}
+
+#[test]
+fn rough_bodies_under_points_and_in_colour_look_as_by_flights() {
+    let coloured = MediumKind::Homogeneous {
+        sigma_a: SpectrumDescription::Rgb([0.1, 0.4, 0.9]),
+        sigma_s: SpectrumDescription::Rgb([3.0, 6.0, 11.0]),
+        scale: 1.0,
+        g: 0.0,
+        emission: None,
+    };
+    let mut world = World::new();
+    let skin = world.medium_of(coloured);
+    let boundary = world.dielectric(1.4, 0.3);
+    world.body(&flat(&bumpy_sphere(3, 0.8)), boundary, Some(skin), None);
+    world.light(LightKind::Point { from: Vec3::new(1.0, 2.0, 2.0), intensity: rgb(6.0) });
+    assert_same("rough folds under a point", &world.environment(0.1), 150);
+}
+
+#[test]
 fn colours_come_out_as_by_flights() {
     // Lanes whose free paths differ by four, in two bodies at once.
     let coloured = |a: [f32; 3], s: [f32; 3]| MediumKind::Homogeneous {
@@ -177,6 +210,10 @@ fn where_flights_find_less_or_something_is_inside_there_are_no_vertices() {
     assert_eq!(made(&body(0.0, 8.0).environment(1.0)), 0);
     assert_eq!(made(&lamp(body(0.8, 8.0))), 0);
     assert_eq!(made(&lamp(body(0.0, 80.0))), 0);
+    // Behind a rough boundary, too.
+    let mut rough = lamp(body(0.0, 8.0));
+    rough.0.shapes[0].material = rough.dielectric(1.4, 0.2);
+    assert_eq!(made(&rough), 1);
     // A table that reaches into it.
     let mut sunk = lamp(body(0.0, 8.0));
     let table = sunk.diffuse(0.5);
@@ -212,6 +249,19 @@ fn what_reaches_into_a_body_s_box_and_not_into_it_takes_no_vertices_from_it() {
     assert_same("milk in a room", &world, 100);
     world.0.shapes.last_mut().expect("a lamp").alpha = Some(world.float(0.0));
     assert_same("milk under a lamp of opacity 0", &world, 100);
+}
+
+#[test]
+fn a_body_in_a_glass_with_a_film_of_air_between_has_vertices() {
+    let mut world = World::new();
+    let milk = world.medium(0.2, 5.0, 0.0);
+    let [water, glass] = [1.33, 1.5].map(|eta| world.dielectric(eta, 0.0));
+    let box_of = |half: f32| cuboid(Vec3::splat(-half), Vec3::splat(half));
+    world.body(&flat(&box_of(0.8)), water, Some(milk), None);
+    let mut cavity = box_of(0.802);
+    cavity.flip();
+    world.body(&flat(&box_of(0.9).joined(&cavity)), glass, None, None);
+    assert_same("milk in a glass", &lamp(world).environment(0.3), 150);
 }
 
 #[test]
