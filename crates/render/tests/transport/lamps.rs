@@ -205,21 +205,21 @@ fn behind_others(what: &str) -> World {
 #[test]
 fn a_point_lights_through_other_bodies_as_a_small_ball_does() {
     for (what, n) in [
-        ("in a glass ball", 100_000),
-        ("in a ball of wax", 100_000),
+        ("in a glass ball", [20_000, 60_000]),
+        ("in a ball of wax", [20_000, 60_000]),
         // Chance alone finds the small ball there.
-        ("as fog in a glass ball", 1_000_000),
-        ("as a cloud in a glass ball", 1_000_000),
-        ("filling a tinted glass to its wall", 100_000),
-        ("under a smooth lens", 100_000),
-        ("under a pane in another", 100_000),
+        ("as fog in a glass ball", [20_000, 600_000]),
+        ("as a cloud in a glass ball", [20_000, 600_000]),
+        ("filling a tinted glass to its wall", [10_000, 30_000]),
+        ("under a smooth lens", [5_000, 60_000]),
+        ("under a pane in another", [10_000, 60_000]),
     ] {
         let make = |point| {
             let mut world = behind_others(what);
             with_lamp(&mut world, LAMP, point);
             world.tracer()
         };
-        assert_same_light(&format!("milk {what}"), make, Vec3::new(0.0, -0.3, 0.3), 0.3, [40_000, n]);
+        assert_same_light(&format!("milk {what}"), make, Vec3::new(0.0, -0.3, 0.3), 0.3, n);
     }
 }
 
@@ -227,10 +227,10 @@ fn a_point_lights_through_other_bodies_as_a_small_ball_does() {
 fn parallel_light_through_other_bodies_is_that_of_a_lamp_far_away() {
     let (towards, far, radius) = (Vec3::new(0.3, -0.5, 0.8).normalize(), 400.0f32, 20.0f32);
     for (what, n) in [
-        ("in a glass ball", 100_000),
-        ("as fog in a glass ball", 2_000_000),
-        ("under a smooth lens", 100_000),
-        ("under a pane in another", 100_000),
+        ("in a glass ball", [20_000, 60_000]),
+        ("as fog in a glass ball", [20_000, 1_000_000]),
+        ("under a smooth lens", [5_000, 60_000]),
+        ("under a pane in another", [10_000, 60_000]),
     ] {
         let make = |parallel| {
             let mut world = behind_others(what);
@@ -241,6 +241,6 @@ fn parallel_light_through_other_bodies_is_that_of_a_lamp_far_away() {
             world.0.shapes[lamp].object_to_world = Mat4::from_translation(towards * far);
             world.tracer()
         };
-        assert_same_light(&format!("milk {what}"), make, Vec3::new(0.0, -0.3, 0.3), 0.3, [40_000, n]);
+        assert_same_light(&format!("milk {what}"), make, Vec3::new(0.0, -0.3, 0.3), 0.3, n);
     }
 }
