@@ -24,7 +24,7 @@ fn assert_same_light(what: &str, make: impl Fn(bool) -> Tracer, target: Vec3, wi
     let [point, small] = [true, false].map(|point| {
         let mut tracer = make(point);
         tracer.integrator.seed = 1 + u64::from(point);
-        let [found] = measure(samples(n[usize::from(!point)], 16), |i| {
+        let [found] = measure(samples(n[usize::from(!point)], 32), |i| {
             let mut rng = Stream::new(&[62, i, u64::from(point)]);
             let [x, y, z] = [rng.uniform(), rng.uniform(), rng.uniform()].map(|u| (2.0 * u - 1.0) * window);
             let d = (target + Vec3::new(x, y, z) - EYE).normalize();
@@ -59,10 +59,10 @@ fn milk(shape: &Arc<GeometryDescription>, eta: f32, sigma_s: f32, g: f32, point:
 
 #[test]
 fn a_point_lights_a_ball_as_a_small_ball_does() {
-    // Here and below: 1 to 3 %; slow: .2 to .5 %. The thin ball is lit by ways with mirrors inside as well.
+    // Here and below: 1.5 to 5 %; slow: .2 to .7 %. The thin ball is lit by ways with mirrors inside as well.
     for (eta, sigma_s, g) in [(1.4f32, 5.0f32, 0.5f32), (1.4, 0.3, 0.0), (0.8, 3.0, 0.0), (1.4, 10.0, 0.8)] {
         let make = |point| milk(&ball(1.0), eta, sigma_s, g, point).tracer();
-        assert_same_light(&format!("ball, {eta} {sigma_s} {g}"), make, Vec3::ZERO, 0.4, [40_000, 100_000]);
+        assert_same_light(&format!("ball, {eta} {sigma_s} {g}"), make, Vec3::ZERO, 0.4, [20_000, 50_000]);
     }
 }
 
@@ -72,10 +72,10 @@ fn a_point_lights_facets_folds_and_smooth_normals_as_a_small_ball_does() {
     let cube = flat(&cuboid(-Vec3::ONE, Vec3::ONE));
     for (what, shape) in [("facets", flat(&bumpy)), ("smooth", smooth(&bumpy)), ("cube", cube)] {
         let make = |point| milk(&shape, 1.4, 4.0, 0.3, point).tracer();
-        assert_same_light(what, make, Vec3::ZERO, 0.4, [40_000, 100_000]);
+        assert_same_light(what, make, Vec3::ZERO, 0.4, [20_000, 50_000]);
     }
     let make = |point| milk(&smooth(&sheet(6, 0.05)), 1.4, 4.0, 0.3, point).tracer();
-    assert_same_light("sheet", make, Vec3::ZERO, 0.2, [40_000, 100_000]);
+    assert_same_light("sheet", make, Vec3::ZERO, 0.2, [20_000, 50_000]);
 }
 
 #[test]
@@ -87,7 +87,7 @@ fn a_point_in_the_shade_lights_as_a_small_ball_there_does() {
         with_lamp(&mut world, Vec3::new(-2.0, 0.5, 0.3), point);
         world.tracer()
     };
-    assert_same_light("screen", make, Vec3::new(0.0, 0.0, 0.4), 0.4, [40_000, 100_000]);
+    assert_same_light("screen", make, Vec3::new(0.0, 0.0, 0.4), 0.4, [20_000, 50_000]);
 }
 
 #[test]
@@ -113,7 +113,7 @@ fn parallel_light_is_that_of_a_lamp_far_away() {
             world.0.shapes[lamp].object_to_world = Mat4::from_translation(towards * far);
             world.tracer()
         };
-        assert_same_light("parallel", make, Vec3::ZERO, 0.4, [40_000, 100_000]);
+        assert_same_light("parallel", make, Vec3::ZERO, 0.4, [20_000, 50_000]);
     }
 }
 
@@ -134,17 +134,17 @@ fn a_point_lights_media_that_vary() {
         let world = if grid { varied(1.4, |_| 1.0) } else { milk(&ball(1.0), 1.4, 4.0, 0.3, true) };
         world.tracer().by(Policy::Classic)
     };
-    assert_same_light("grid", make, Vec3::ZERO, 0.4, [40_000, 40_000]);
+    assert_same_light("grid", make, Vec3::ZERO, 0.4, [20_000, 20_000]);
     // Behind an index-matched boundary the same light is found along straight lines.
     let make = |bent: bool| varied(if bent { 1.0002 } else { 1.0 }, wild(7)).tracer();
-    assert_same_light("wild densities", make, Vec3::ZERO, 0.4, [60_000, 60_000]);
+    assert_same_light("wild densities", make, Vec3::ZERO, 0.4, [30_000, 30_000]);
 }
 
 #[test]
 fn at_an_index_near_one_refraction_changes_nothing() {
     // Behind an index-matched boundary the same light is found along straight lines; the small difference of the index is worth 1e-3 at most.
     let make = |bent: bool| milk(&ball(1.0), if bent { 1.0002 } else { 1.0 }, 4.0, 0.3, true).tracer();
-    assert_same_light("index 1", make, Vec3::ZERO, 0.4, [60_000, 60_000]);
+    assert_same_light("index 1", make, Vec3::ZERO, 0.4, [30_000, 30_000]);
 }
 
 /// Returns a scene of milk behind more than one smooth boundary, without light.
