@@ -230,8 +230,8 @@ impl Apart<'_> {
         self.budget = budget;
         [(a, b), (b, c), (c, a)].into_iter().any(|(p, q)| {
             let length = p.distance(q);
-            let ray = Ray::new(p, (q - p) / length).up_to(length);
-            length > 0.0 && self.scene.accel.occluded(&ray, |h| h.shape == shape)
+            let ray = || Ray::new(p, (q - p) / length).up_to(length);
+            length > 0.0 && self.scene.accel.occluded(&ray(), |h| h.shape == shape)
         })
     }
 
