@@ -89,7 +89,7 @@ fn bodies_under_lamps_look_as_by_flights() {
 
 #[test]
 fn rough_bodies_under_lamps_look_as_by_flights() {
-    // Smooth and flat normals, roughness, a hollow that shines into itself.
+    // Interpolated and flat normals, slightly and very rough, denser and thinner than what is around.
     for (eta, alpha, g, smoothed) in
         [(1.4f32, 0.3f32, 0.0f32, true), (1.5, 0.1, 0.4, false), (0.8, 0.2, 0.0, false), (1.33, 0.6, -0.4, true)]
     {
