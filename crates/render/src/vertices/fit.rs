@@ -101,7 +101,7 @@ pub(crate) fn bodies(scene: &Scene) -> Vec<Lit> {
             if pixels == 0.0 || vertices < ENOUGH * volume {
                 return None;
             }
-            let (points, collisions) = pilot(scene, *shape, &through, medium)?;
+            let (points, collisions) = pilot(scene, *shape, &through, medium, &wavelengths)?;
             let paths = (vertices / collisions).ceil().max(1.0);
             let lines = (POINTS * paths / points).ceil().min(f64::from(u32::MAX));
             Some(Lit {
@@ -255,8 +255,7 @@ impl Apart<'_> {
 }
 
 /// Returns the points of a body's surface per line, and the collisions per path of light from all around; `None` where there are none.
-fn pilot(scene: &Scene, shape: u32, through: &Lines, medium: &Medium<4>) -> Option<(f64, f64)> {
-    let wavelengths = Wavelengths::<4>::sample(WavelengthMode::Hero, 0.5);
+fn pilot(scene: &Scene, shape: u32, through: &Lines, medium: &Medium<4>, w: &Wavelengths<4>) -> Option<(f64, f64)> {
     let lines: Vec<(usize, u64, u64)> = (0..PILOT)
         .into_par_iter()
         .map(|j| {
@@ -266,7 +265,7 @@ fn pilot(scene: &Scene, shape: u32, through: &Lines, medium: &Medium<4>) -> Opti
             for hit in hits.iter().filter(|h| !h.exiting) {
                 let surface = scene.accel.surface(&ray, hit);
                 let beam = Beam { hit: *hit, surface, wi: -ray.d, flux: Spectrum::<4>::ONE };
-                collisions += beam.walk(scene, medium, &wavelengths, Roulette::default(), &mut vertices, &mut rng)[0];
+                collisions += beam.walk(scene, medium, w, Roulette::default(), &mut vertices, &mut rng)[0];
                 paths += 1;
             }
             (hits.len(), paths, collisions)
