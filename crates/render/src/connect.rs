@@ -329,6 +329,10 @@ impl<const N: usize> Scattering<N> for Uniform {
         (all, all)
     }
 
+    fn uniform(&self) -> Option<Spectrum<N>> {
+        Some(Spectrum::splat(0.25 * std::f32::consts::FRAC_1_PI))
+    }
+
     fn draw(&self, rng: &mut impl Random) -> Vec3 {
         math::uniform_sphere(rng.uniform2())
     }

@@ -28,7 +28,7 @@ use moonmilk_walk::jump::Scattering;
 use moonmilk_walk::{Medium, Outcome, PhaseFunction, Roulette, Tally, Walker, classic};
 use rayon::prelude::*;
 
-use crate::cloud::{self, Point, Tree};
+use crate::cloud;
 use crate::integrator::{Counters, Integrator};
 use crate::interior::{Exit, Interior, Standing};
 use crate::media::Matter;
@@ -37,10 +37,14 @@ use crate::scene::Scene;
 use crate::texture::TexturePoint;
 use crate::touch::{self, Arrival};
 
+mod eights;
 mod fit;
+mod sum;
 mod wall;
 
+use eights::{Tree, Vertex};
 pub(crate) use fit::{Lit, bodies};
+use sum::Sum;
 use wall::Wall;
 
 /// Word that separates the random numbers of light's paths from those of pixels.
@@ -52,24 +56,15 @@ const FLIGHTS: f32 = 2.0;
 /// Flights from a camera path's first collision. On the dragon 1, 2, 3: variance .425, .330, .300 at .78, .91, 1.05 CPU s.
 const COPIES: u32 = 2;
 /// Radius over distance below which a node of the tree stands for its vertices. On the dragon .5, .6, .7, .8: variance .418, .423, .432, .451 at .98, .89, .83, .78 CPU s.
-const ANGLE: f32 = 0.7;
+const ANGLE: f32 = 0.75;
 /// Distance beyond which vertices are thinned out further, and over which to a third [mean free paths].
-const NEAR: f32 = 2.0;
+const NEAR: f32 = 1.5;
 const FADE: f32 = 0.5;
 /// Depth from which vertices are thinned out, and the least share of them that is kept [mean free paths].
 const SHALLOW: f32 = 1.5;
 const FEWEST: f32 = 0.05;
 /// Share of a segment that is looked along: its end is no wall.
 const END: f32 = 1.0 - 1e-4;
-
-/// What is known of a vertex besides its place and flux.
-#[derive(Clone, Copy, Debug)]
-struct Arrived {
-    /// Direction of flight of the light.
-    d: Vec3,
-    /// Share of such vertices that are kept.
-    kept: f32,
-}
 
 /// Returns the share of vertices that are kept at a depth below the surface [mean free paths], of which camera's paths see only the shallow ones well.
 fn kept(depth: f32) -> f32 {
@@ -96,7 +91,7 @@ struct Body {
     density: f32,
     /// Scattering and absorption where the light was followed: textured bodies differ from entry to entry.
     medium: [[f32; 4]; 2],
-    tree: Tree<Arrived>,
+    tree: Tree,
 }
 
 /// Returns a medium's coefficients.
@@ -157,7 +152,7 @@ impl Vertices {
                     next += step;
                 }
             }
-            let walked: Vec<(Vec<Point<Arrived>>, [u64; 2])> = chosen
+            let walked: Vec<(Vec<Vertex>, [u64; 2])> = chosen
                 .par_chunks(BATCH as usize)
                 .enumerate()
                 .map(|(b, beams)| {
@@ -248,7 +243,7 @@ impl Vertices {
 /// Records the collisions of a path of light.
 struct Recorder<'a, const N: usize> {
     interior: &'a Interior<'a>,
-    points: &'a mut Vec<Point<Arrived>>,
+    points: &'a mut Vec<Vertex>,
     flux: Spectrum<N>,
     /// The lane that was put first.
     first: usize,
@@ -271,7 +266,7 @@ impl<const N: usize, P: PhaseFunction> Tally<N, Sampler, P> for Recorder<'_, N> 
         }
         let light = exchanged(arrived * medium.sigma_s, self.first) * self.flux * (1.0 / kept);
         let lanes = std::array::from_fn(|k| if k < N { light[k] } else { 0.0 });
-        self.points.push(Point { p: walker.p, light: lanes, with: Arrived { d: walker.d, kept } });
+        self.points.push(Vertex { p: walker.p, d: walker.d, light: lanes, kept });
     }
 }
 
@@ -283,7 +278,7 @@ impl<const N: usize> Beam<N> {
         medium: &Medium<N>,
         wavelengths: &Wavelengths<N>,
         roulette: Roulette,
-        points: &mut Vec<Point<Arrived>>,
+        points: &mut Vec<Vertex>,
         rng: &mut Sampler,
     ) -> [u64; 2] {
         let shape = self.hit.shape;
@@ -383,26 +378,15 @@ impl Seen<'_> {
         counters: &mut Counters,
     ) -> Spectrum<N> {
         let mean_free_path = 1.0 / medium.sigma_t.mean();
-        let mut sum = Spectrum::ZERO;
-        let (mut total, mut drawn) = (0.0, None);
         // One key from the path's stream, two streams of its own.
         let key = rng.stream().bits();
-        let (mut visits, mut choices) = (Stream::new(&[key, 0]), Stream::new(&[key, 1]));
-        self.body.tree.survey(p, ANGLE, NEAR * mean_free_path, FADE * mean_free_path, &mut visits, |r2, weight, y| {
-            let r = r2.sqrt();
-            let d = (y.p - p) * (1.0 / r.max(f32::MIN_POSITIVE));
-            let light = Spectrum::from_fn(|k| y.light[k]);
-            let t = transmittance(medium, r);
-            let w = self.weight_over_square(medium, r, t, y.with.kept) * medium.phase(y.with.d, -d) * weight;
-            let c = vertex.towards(d).0 * t * light * w;
-            sum += c;
-            let weight = c.mean();
-            total += weight;
-            if weight > 0.0 && choices.uniform() * total < weight {
-                drawn = Some((y.p, r2, c * (1.0 / weight)));
-            }
+        let mut visits = Stream::new(&[key, 0]);
+        let mut sum = Sum::new(p, self.body.density, medium, vertex, Stream::new(&[key, 1]));
+        self.body.tree.survey(p, ANGLE, NEAR * mean_free_path, FADE * mean_free_path, &mut visits, |eight, weights| {
+            sum.add(eight, weights);
         });
-        let Some((y, r2, colour)) = drawn else { return Spectrum::ZERO };
+        let Some((y, r2, colour)) = sum.drawn else { return Spectrum::ZERO };
+        let (mut sum, total) = (sum.light(), sum.total);
         let r = r2.sqrt();
         if r > room && self.is_hidden(p, y, r, counters) {
             // What is not hidden of the whole is the whole less the hidden: of one lane, nothing.

@@ -60,6 +60,12 @@ pub trait Scattering<const N: usize> {
     /// Returns value and density [1/sr] of the lanes in a direction of flight.
     fn towards(&self, d: Vec3) -> (Spectrum<N>, Spectrum<N>);
 
+    /// Returns the value of every direction, where all are alike and that is known.
+    #[inline]
+    fn uniform(&self) -> Option<Spectrum<N>> {
+        None
+    }
+
     /// Returns the density of a direction and of getting a distance t on from there, over the transmittance, lane by lane.
     #[inline]
     fn through(&self, d: Vec3, _t: f32) -> Spectrum<N> {
@@ -84,6 +90,12 @@ impl<const N: usize, P: PhaseFunction> Scattering<N> for Turn<'_, N, P> {
     fn towards(&self, d: Vec3) -> (Spectrum<N>, Spectrum<N>) {
         let phase = Spectrum::splat(self.medium.phase(self.from, d));
         (phase, phase)
+    }
+
+    #[inline]
+    fn uniform(&self) -> Option<Spectrum<N>> {
+        let law = &self.medium.law;
+        law.is_isotropic().then(|| Spectrum::splat(law.eval(0.0)))
     }
 
     fn draw(&self, rng: &mut impl Random) -> Vec3 {

@@ -8,34 +8,29 @@ const TOLERANCE: f32 = 0.1;
 const LEAF: usize = 4;
 /// Most points of a tree that one thread makes.
 const ALONE: usize = 1 << 14;
-/// Least probability with which far nodes are visited.
-const LEAST: f32 = 1e-3;
 /// Levels of the tree that a sum may use; more than points can have.
 const LEVELS: usize = 40;
 
-/// A point, the light of it, and what else is known of that.
+/// A point and its light.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Point<D = ()> {
+pub(crate) struct Point {
     pub p: Vec3,
     pub light: [f32; 4],
-    pub with: D,
 }
 
 impl Point {
     /// Returns a point of a surface and the light that enters there; `None` if that is not finite.
     pub fn new<const N: usize>(p: Vec3, light: Spectrum<N>) -> Option<Self> {
         let light = std::array::from_fn(|k| if k < N { light[k] } else { 0.0 });
-        light.iter().all(|l: &f32| l.is_finite()).then_some(Self { p, light, with: () })
+        light.iter().all(|l: &f32| l.is_finite()).then_some(Self { p, light })
     }
 }
 
-impl<D> Point<D> {
+impl Point {
     fn weight(&self) -> f32 {
         self.light.iter().map(|l| l.abs()).sum()
     }
-}
 
-impl<D: Copy> Point<D> {
     fn standing_for(&self, factor: f32) -> Self {
         Self { light: self.light.map(|l| l * factor), ..*self }
     }
@@ -43,7 +38,7 @@ impl<D: Copy> Point<D> {
 
 /// Some points, and one of them that stands for all.
 #[derive(Clone, Copy, Debug)]
-struct Node<D> {
+struct Node {
     center: Vec3,
     radius: f32,
     /// Sum of the points' weights.
@@ -56,19 +51,19 @@ struct Node<D> {
     /// The longest axis of its box.
     axis: u32,
     /// The representative, its light divided by its probability.
-    point: Point<D>,
+    point: Point,
 }
 
 /// A tree over points.
 #[derive(Debug)]
-pub(crate) struct Tree<D = ()> {
-    nodes: Vec<Node<D>>,
-    points: Vec<Point<D>>,
+pub(crate) struct Tree {
+    nodes: Vec<Node>,
+    points: Vec<Point>,
 }
 
-impl<D: Copy + Send> Tree<D> {
+impl Tree {
     /// Makes a tree, in parallel; `key` names the random numbers that choose representatives.
-    pub fn new(mut points: Vec<Point<D>>, key: u64) -> Self {
+    pub fn new(mut points: Vec<Point>, key: u64) -> Self {
         points.retain(|p| p.weight() > 0.0);
         let nodes = if points.is_empty() { vec![] } else { build(&mut points, 0, key) };
         Self { nodes, points }
@@ -89,12 +84,12 @@ impl<D: Copy + Send> Tree<D> {
     /// Visits points near p and representatives of far ones with their squared distance: any sum of light x f(point) over what is visited has the mean of the sum over all points.
     ///
     /// `scalar`, a function of the squared distance, is about what f is over all lanes: it decides which nodes are opened.
-    pub fn visit(&self, p: Vec3, scalar: impl Fn(f32) -> f32, mut each: impl FnMut(f32, &Point<D>)) {
+    pub fn visit(&self, p: Vec3, scalar: impl Fn(f32) -> f32, mut each: impl FnMut(f32, &Point)) {
         let Some(root) = self.nodes.first() else {
             return;
         };
         // What the tree's places and weights say, never its representatives: they would bias what depends on them.
-        let size = |n: &Node<D>| {
+        let size = |n: &Node| {
             let d = p.distance(n.center);
             let (near, far) = ((d - n.radius).max(0.0), d + n.radius);
             (n.weight * scalar(d.max(0.5 * n.radius).powi(2)), n.weight * (scalar(near * near) - scalar(far * far)))
@@ -125,60 +120,14 @@ impl<D: Copy + Send> Tree<D> {
     }
 }
 
-impl<D: Copy + Send> Tree<D> {
-    fn leaf(&self, node: &Node<D>) -> &[Point<D>] {
+impl Tree {
+    fn leaf(&self, node: &Node) -> &[Point] {
         &self.points[node.first as usize..][..node.count as usize]
-    }
-
-    /// Visits what is within reach of p as [`Tree::visit`] does, one of each node that seems small from p, with its squared distance and the inverse of the probability that it was visited.
-    ///
-    /// A node is visited as a whole if its radius is below `angle` times its distance; behind `near` only one in exp((distance - near) / `fade`) is.
-    pub fn survey(
-        &self,
-        p: Vec3,
-        angle: f32,
-        near: f32,
-        fade: f32,
-        rng: &mut impl Random,
-        mut each: impl FnMut(f32, f32, &Point<D>),
-    ) {
-        if self.nodes.is_empty() {
-            return;
-        }
-        let mut stack = [(0u32, 1.0f32); LEVELS];
-        let mut depth = 1;
-        while depth > 0 {
-            depth -= 1;
-            let (i, mut weight) = stack[depth];
-            let node = &self.nodes[i as usize];
-            let d2 = p.distance_squared(node.center);
-            let reach = near + node.radius;
-            // What is far off as a whole is left out by chance as a whole.
-            if d2 > reach * reach {
-                let survival = ((reach - d2.sqrt()) / fade).exp().max(LEAST);
-                if survival * weight < 1.0 {
-                    let survival = survival * weight;
-                    if rng.uniform() >= survival {
-                        continue;
-                    }
-                    weight /= survival;
-                }
-            }
-            if node.radius * node.radius < angle * angle * d2 {
-                each(p.distance_squared(node.point.p), weight, &node.point);
-            } else if node.second == 0 {
-                self.leaf(node).iter().for_each(|point| each(p.distance_squared(point.p), weight, point));
-            } else {
-                stack[depth] = (node.second, weight);
-                stack[depth + 1] = (i + 1, weight);
-                depth += 2;
-            }
-        }
     }
 }
 
 /// Returns the tree over some points, which it sorts; `at` is the number of the first of them.
-fn build<D: Copy + Send>(points: &mut [Point<D>], at: u32, key: u64) -> Vec<Node<D>> {
+fn build(points: &mut [Point], at: u32, key: u64) -> Vec<Node> {
     let mut nodes = Vec::with_capacity(4 * points.len() / LEAF + 1);
     if points.len() <= ALONE {
         append(points, at, &mut nodes, &mut Stream::new(&[key, u64::from(at)]));
@@ -197,7 +146,7 @@ fn build<D: Copy + Send>(points: &mut [Point<D>], at: u32, key: u64) -> Vec<Node
 }
 
 /// Appends the tree over some points.
-fn append<D: Copy>(points: &mut [Point<D>], at: u32, nodes: &mut Vec<Node<D>>, rng: &mut Stream) {
+fn append(points: &mut [Point], at: u32, nodes: &mut Vec<Node>, rng: &mut Stream) {
     let root = nodes.len();
     nodes.push(Node::over(points, at));
     if points.len() <= LEAF {
@@ -222,16 +171,16 @@ fn append<D: Copy>(points: &mut [Point<D>], at: u32, nodes: &mut Vec<Node<D>>, r
 }
 
 /// Parts points at the middle of the longest axis of their box.
-fn halves<'a, D>(points: &'a mut [Point<D>], node: &Node<D>) -> (&'a mut [Point<D>], &'a mut [Point<D>]) {
+fn halves<'a>(points: &'a mut [Point], node: &Node) -> (&'a mut [Point], &'a mut [Point]) {
     let axis = node.axis as usize;
     let middle = points.len() / 2;
     points.select_nth_unstable_by(middle, |a, b| a.p[axis].total_cmp(&b.p[axis]));
     points.split_at_mut(middle)
 }
 
-impl<D: Copy> Node<D> {
+impl Node {
     /// Returns a leaf over points that is still without weight.
-    fn over(points: &[Point<D>], first: u32) -> Self {
+    fn over(points: &[Point], first: u32) -> Self {
         let (low, high) =
             points.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), p| (l.min(p.p), h.max(p.p)));
         let (center, extent) = (0.5 * (low + high), high - low);
@@ -300,36 +249,8 @@ mod tests {
     }
 
     #[test]
-    fn surveys_have_the_mean_of_the_full_sum_wherever_they_thin_out() {
-        // Over choices of representatives and of what is left out far off; |z| < 4.9 is a two-sided significance of 1e-6 each.
-        let points = points(4000, 6);
-        let kernel = |r2: f32| (-2.0 * r2.sqrt()).exp() / (0.01 + r2);
-        let trees: Vec<Tree> = (0..50).map(|k| Tree::new(points.clone(), k)).collect();
-        for place in 0..5 {
-            let p = Vec3::new(place as f32, 1.5, 0.2);
-            let exact: f64 =
-                points.iter().map(|q| f64::from(kernel(p.distance_squared(q.p)) * q.light.iter().sum::<f32>())).sum();
-            let x: Vec<f64> = (0..400usize)
-                .map(|k| {
-                    let (mut sum, mut rng) = (0.0, Stream::new(&[7, place, k as u64]));
-                    trees[k % 50].survey(p, 0.7, 1.0, 0.3, &mut rng, |r2, weight, q| {
-                        sum += f64::from(kernel(r2) * weight * q.light.iter().sum::<f32>());
-                    });
-                    sum / exact
-                })
-                .collect();
-            // Trees are shared by eight each: means per tree are independent.
-            let x: Vec<f64> = (0..50).map(|t| x.iter().skip(t).step_by(50).sum::<f64>() / 8.0).collect();
-            let mean = x.iter().sum::<f64>() / 50.0;
-            let variance = x.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / 49.0;
-            let z = (mean - 1.0) / (variance / 50.0).sqrt();
-            assert!(z.abs() < 4.9 && variance.sqrt() < 0.2, "place {place}: mean {mean}, z {z}, {}", variance.sqrt());
-        }
-    }
-
-    #[test]
     fn nothing_comes_of_no_points_and_all_of_one() {
-        assert_eq!(Tree::<()>::new(vec![], 1).gather(Vec3::ZERO, |_| [1.0; 4], |_| 1.0), [0.0; 4]);
+        assert_eq!(Tree::new(vec![], 1).gather(Vec3::ZERO, |_| [1.0; 4], |_| 1.0), [0.0; 4]);
         let one = Point::new(Vec3::X, Spectrum([2.0f32])).unwrap();
         let dark = Point::new(Vec3::Y, Spectrum([0.0f32])).unwrap();
         assert_eq!(
