@@ -1,7 +1,10 @@
 //! `--pixel`: the samples of one pixel, as the picture had them.
 
+use std::sync::atomic::AtomicBool;
+
 use moonmilk_render::description::SceneDescription;
-use moonmilk_render::film::LARGEST;
+use moonmilk_render::effort::{Effort, PILOT};
+use moonmilk_render::film::{Film, LARGEST};
 use moonmilk_render::integrator::Integrator;
 use moonmilk_render::scene::Scene;
 use moonmilk_render::session::{self, Statistics};
@@ -24,10 +27,18 @@ pub fn run(a: &Render, d: &SceneDescription, scene: &Scene, integrator: &Integra
     if !output::print("sample,R,G,B,valid")? {
         return Ok(());
     }
+    // Later samples have as many paths as the noise of the first ones around says.
+    let effort = if Effort::applies(integrator) && to > PILOT {
+        let film = Film::new([d.film.width, d.film.height], d.film.crop, 0, &[]);
+        Effort::of(scene, integrator, &film, &AtomicBool::new(false), &mut statistics.counters)
+    } else {
+        None
+    };
     let mut integrator = integrator.clone();
     for s in from..to {
         integrator = integrator.for_sample(scene, s);
-        let v = session::sample(scene, &integrator, pixel, s, &mut statistics.counters);
+        let paths = effort.as_ref().filter(|_| s >= PILOT).map_or(1, |e| e.paths(pixel));
+        let v = session::mean_sample(scene, &integrator, pixel, s, paths, &mut statistics.counters);
         // The film's own rule: what is not finite or too large counts as zero.
         let valid = v.rgb.iter().all(|c| c.is_finite() && c.abs() <= LARGEST);
         let rgb = v.rgb.map(|c| c * d.film.imaging_ratio);

@@ -67,6 +67,10 @@ impl<const N: usize> Wavelengths<N> {
     /// Sampled lanes: the mean over the lanes of L w_c / pdf, whose expectation is the integral of L w_c. Channels: the lanes, put
     /// back into the order red, green, blue. Fixed: the mean of the lanes in all three channels.
     pub fn to_rgb(&self, radiance: Spectrum<N>) -> [f32; 3] {
+        // Parts of a picture are mostly nothing.
+        if radiance.is_black() {
+            return [0.0; 3];
+        }
         match self {
             Self::Sampled { lambda, pdf } => {
                 let mut rgb = [0.0f32; 3];

@@ -5,9 +5,11 @@
 //! like all others (floor(x / q + u)), so that its expectation is exact. Samples are dealt to
 //! [`SCRAMBLINGS`] independent scramblings, summed apart: their spread is the variance.
 
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
 use moonmilk_core::random::SCRAMBLINGS;
+
+use crate::effort::Effort;
 
 /// Unit of the sums: 2^-22. Samples beyond [`LARGEST`] do not fit and are reported as invalid, never clipped.
 pub const QUANTUM: f64 = 1.0 / 4_194_304.0;
@@ -96,6 +98,30 @@ pub struct PixelSample {
     pub depth: f32,
 }
 
+impl PixelSample {
+    /// Adds another sample.
+    pub(crate) fn add(&mut self, o: &Self) {
+        let sum = |a: &mut [f32], b: &[f32]| a.iter_mut().zip(b).for_each(|(a, b)| *a += b);
+        sum(&mut self.rgb, &o.rgb);
+        sum(self.orders.as_flattened_mut(), o.orders.as_flattened());
+        sum(&mut self.albedo, &o.albedo);
+        sum(&mut self.normal, &o.normal);
+        self.depth += o.depth;
+    }
+
+    /// Returns the sample times a factor.
+    pub(crate) fn scaled(&self, factor: f32) -> Self {
+        let times = |v: [f32; 3]| v.map(|x| x * factor);
+        Self {
+            rgb: times(self.rgb),
+            orders: self.orders.map(times),
+            albedo: times(self.albedo),
+            normal: times(self.normal),
+            depth: self.depth * factor,
+        }
+    }
+}
+
 /// The sums of the pixels of one tile.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Tile {
@@ -134,6 +160,8 @@ pub struct Film {
     /// Additional pictures recorded.
     pub aovs: Vec<Aov>,
     tiles: Vec<Mutex<Tile>>,
+    /// Numbers of paths, once they are known.
+    effort: OnceLock<Effort>,
 }
 
 /// Finished pictures of a film.
@@ -166,7 +194,7 @@ fn quantize(x: f32, u: f32) -> i64 {
 impl Film {
     /// Returns an empty film of a picture's crop, whose samples start at number `first`.
     pub fn new(size: [u32; 2], crop: [u32; 4], first: u64, aovs: &[Aov]) -> Self {
-        let mut film = Self { size, crop, first, aovs: aovs.to_vec(), tiles: Vec::new() };
+        let mut film = Self { size, crop, first, aovs: aovs.to_vec(), tiles: Vec::new(), effort: OnceLock::new() };
         let stride = film.extra_channels();
         let [x0, x1, y0, y1] = crop;
         let mut tiles = Vec::new();
@@ -192,6 +220,15 @@ impl Film {
     /// Returns the number of summed channels per pixel beside colour.
     pub fn extra_channels(&self) -> usize {
         self.aovs.iter().map(|a| if *a == Aov::Variance { 0 } else { a.channels().len() }).sum()
+    }
+
+    /// Returns the numbers of paths of the picture's samples, found out if they are not known; `None` if they are not found.
+    pub fn effort(&self, find: impl FnOnce() -> Option<Effort>) -> Option<&Effort> {
+        if self.effort.get().is_none() {
+            // Of two that find them at a time both find the same.
+            let _ = self.effort.set(find()?);
+        }
+        self.effort.get()
     }
 
     /// Returns the number of tiles.

@@ -14,6 +14,7 @@ mod cloud;
 mod connect;
 pub mod description;
 pub mod doctor;
+pub mod effort;
 pub mod film;
 pub mod filter;
 pub mod integrator;

@@ -2,9 +2,11 @@
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
+use moonmilk_core::random::mix;
 use moonmilk_core::{Random, Sampler, Spectrum, Stream, WavelengthMode, Wavelengths};
 use rayon::prelude::*;
 
+use crate::effort::{Effort, PILOT};
 use crate::film::{Film, PixelSample};
 use crate::integrator::{Counters, Integrator, Light};
 use crate::scene::Scene;
@@ -14,6 +16,9 @@ const CHUNK: u64 = 4;
 
 /// Stream word that separates the random numbers of rounding from those of paths.
 const ROUNDING: u64 = 0x51;
+
+/// Word that separates the random numbers of a sample's further paths from those of its first.
+const FURTHER: u64 = 0xF0;
 
 /// A sample whose value was NaN, infinite or too large; enough to replay it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -70,6 +75,15 @@ pub fn render(
         if from >= end || stop.load(Ordering::Relaxed) {
             return statistics;
         }
+        let applies = Effort::applies(integrator);
+        let effort = if applies && from >= PILOT {
+            let found = film.effort(|| Effort::of(scene, integrator, film, stop, &mut statistics.counters));
+            let Some(effort) = found else { return statistics };
+            Some(effort)
+        } else {
+            None
+        };
+        let end = if applies && from < PILOT { end.min(PILOT) } else { end };
         let chunk = if integrator.prepares_much(scene) { 1 } else { CHUNK };
         let to = if prepares { end.min((from / chunk + 1) * chunk) } else { end };
         let mut prepare = |s: u64| {
@@ -83,7 +97,7 @@ pub fn render(
             statistics.invalid += invalid;
         }
         let of = |s: u64| &prepared[((s - from) as usize).min(prepared.len() - 1)];
-        statistics.merge(&tiles(scene, &of, film, to, stop, progress));
+        statistics.merge(&tiles(scene, &of, film, effort, to, stop, progress));
     }
 }
 
@@ -92,6 +106,7 @@ fn tiles<'a>(
     scene: &Scene,
     integrator: &(impl Fn(u64) -> &'a Integrator + Sync),
     film: &Film,
+    effort: Option<&Effort>,
     end: u64,
     stop: &AtomicBool,
     progress: &AtomicU64,
@@ -117,9 +132,10 @@ fn tiles<'a>(
                     if stop.load(Ordering::Relaxed) {
                         return statistics;
                     }
+                    let paths = effort.map_or(1, |e| e.paths(pixel));
                     for s in from..to {
                         let integrator = integrator(s);
-                        let value = sample(scene, integrator, pixel, s, &mut statistics.counters);
+                        let value = mean_sample(scene, integrator, pixel, s, paths, &mut statistics.counters);
                         let mut dither = Stream::new(&[
                             integrator.seed,
                             ROUNDING,
@@ -146,7 +162,30 @@ fn tiles<'a>(
         })
 }
 
-/// Returns one sample of one pixel: a pure function of scene, settings, pixel and sample number.
+/// Returns the mean of so many paths of one sample of one pixel: a pure function of scene, settings, pixel, sample number and that number, which is that of [`Effort`].
+///
+/// The integrator is that of [`Integrator::for_sample`].
+pub fn mean_sample(
+    scene: &Scene,
+    integrator: &Integrator,
+    pixel: [u32; 2],
+    s: u64,
+    paths: u32,
+    counters: &mut Counters,
+) -> PixelSample {
+    let mut sum = sample(scene, integrator, pixel, s, counters);
+    if paths < 2 {
+        return sum;
+    }
+    let mut further = integrator.clone();
+    for j in 1..paths {
+        further.seed = mix(mix(integrator.seed, FURTHER), u64::from(j));
+        sum.add(&sample(scene, &further, pixel, s, counters));
+    }
+    sum.scaled(1.0 / paths as f32)
+}
+
+/// Returns one path of one sample of one pixel: a pure function of scene, settings, pixel and sample number.
 ///
 /// The integrator is that of [`Integrator::for_sample`].
 pub fn sample(

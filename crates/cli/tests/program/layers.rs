@@ -121,6 +121,11 @@ fn a_crop_is_a_part_of_the_whole_and_a_pixel_is_a_sample_of_it() {
     for pixel in [[7, 5], [18, 14], [29, 25]] {
         assert_replay(&f, "scene.pbrt", "b.exr", 8, pixel);
     }
+    // Later samples have as many paths as the whole picture's noise says.
+    f.succeed("render scene.pbrt --spp 12 -o c.exr");
+    for pixel in [[7, 5], [18, 14], [29, 25]] {
+        assert_replay(&f, "scene.pbrt", "c.exr", 12, pixel);
+    }
 }
 
 #[test]

@@ -8,6 +8,7 @@ use moonmilk_geometry::generate::bumpy_sphere;
 use moonmilk_optics::fresnel::reflectance_f64;
 use moonmilk_optics::profile::find;
 use moonmilk_render::description::{MediumKind, SpectrumDescription, SubsurfaceMedium};
+use moonmilk_render::effort::PILOT;
 use moonmilk_render::film::{Film, QUANTUM};
 use moonmilk_render::integrator::Counters;
 use moonmilk_render::scene::{OpenPolicy, Scene, SceneError, SceneOptions};
@@ -201,11 +202,22 @@ fn replays(mut tracer: Tracer) {
         let mut replayed = Counters::default();
         let integrators = [0, 1, 2].map(|s| tracer.integrator.for_sample(&tracer.scene, first + s));
         integrators.iter().flat_map(|i| i.preparation()).for_each(|p| replayed.merge(p.0));
+        // The first samples say how many paths the later ones have, and were taken for that.
+        let effort = film.effort(|| None).expect("known");
+        let mut last = tracer.integrator.clone();
+        for s in 0..PILOT {
+            last = last.for_sample(&tracer.scene, s);
+            last.preparation().into_iter().for_each(|p| replayed.merge(p.0));
+            for i in 0..36 {
+                session::sample(&tracer.scene, &last, [3 + i % 6, 5 + i / 6], s, &mut replayed);
+            }
+        }
         for (i, pixel) in developed.rgb.iter().enumerate() {
             let at = [3 + i as u32 % 6, 5 + i as u32 / 6];
             let mut sum = [0.0f64; 3];
             for s in first..first + 3 {
-                let value = session::sample(&tracer.scene, &integrators[(s - first) as usize], at, s, &mut replayed);
+                let (integrator, paths) = (&integrators[(s - first) as usize], effort.paths(at));
+                let value = session::mean_sample(&tracer.scene, integrator, at, s, paths, &mut replayed);
                 sum.iter_mut().zip(value.rgb).for_each(|(a, b)| *a += f64::from(b) / 3.0);
             }
             for c in 0..3 {

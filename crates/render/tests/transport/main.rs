@@ -9,6 +9,7 @@ mod common;
 mod bodies;
 mod colour;
 mod connections;
+mod effort;
 mod environments;
 mod fields;
 mod furnace;
