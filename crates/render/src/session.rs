@@ -2,7 +2,7 @@
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-use moonmilk_core::random::mix;
+use moonmilk_core::random::SCRAMBLINGS;
 use moonmilk_core::{Random, Sampler, Spectrum, Stream, WavelengthMode, Wavelengths};
 use rayon::prelude::*;
 
@@ -16,9 +16,6 @@ const CHUNK: u64 = 4;
 
 /// Stream word that separates the random numbers of rounding from those of paths.
 const ROUNDING: u64 = 0x51;
-
-/// Word that separates the random numbers of a sample's further paths from those of its first.
-const FURTHER: u64 = 0xF0;
 
 /// A sample whose value was NaN, infinite or too large; enough to replay it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -173,19 +170,20 @@ pub fn mean_sample(
     paths: u32,
     counters: &mut Counters,
 ) -> PixelSample {
-    let mut sum = sample(scene, integrator, pixel, s, counters);
-    if paths < 2 {
-        return sum;
+    if s < PILOT || paths < 2 {
+        return sample(scene, integrator, pixel, s, counters);
     }
-    let mut further = integrator.clone();
-    for j in 1..paths {
-        further.seed = mix(mix(integrator.seed, FURTHER), u64::from(j));
-        sum.add(&sample(scene, &further, pixel, s, counters));
+    // All paths of a scrambling are those of one sequence, in its order: the pilot's, then the paths of each later sample.
+    let (index, scrambling) = (s / SCRAMBLINGS, s % SCRAMBLINGS);
+    let first = PILOT / SCRAMBLINGS + (index - PILOT / SCRAMBLINGS) * u64::from(paths);
+    let mut sum = PixelSample::default();
+    for j in 0..u64::from(paths) {
+        sum.add(&sample(scene, integrator, pixel, (first + j) * SCRAMBLINGS + scrambling, counters));
     }
     sum.scaled(1.0 / paths as f32)
 }
 
-/// Returns one path of one sample of one pixel: a pure function of scene, settings, pixel and sample number.
+/// Returns one path of one pixel: a pure function of scene, settings, pixel and number, which is that of the sample where this has one path.
 ///
 /// The integrator is that of [`Integrator::for_sample`].
 pub fn sample(

@@ -186,7 +186,7 @@ impl Tree {
 /// Returns e^x for x <= 88, what is below -87 as that; relative error 3e-7.
 #[inline]
 pub(super) fn exp(x: f32x8) -> f32x8 {
-    const LN_2: [f32; 2] = [0.693_359_375, -2.121_944_4e-4];
+    const LN_2: [f32; 2] = [355.0 / 512.0, -2.121_944_4e-4];
     let x = x.fast_max(f32x8::splat(-87.0));
     let n = (x * f32x8::splat(std::f32::consts::LOG2_E)).round_ties_even();
     let r = LN_2.iter().fold(x, |r, &part| n.mul_neg_add(f32x8::splat(part), r));
@@ -250,7 +250,7 @@ impl Node {
     fn append(nodes: &mut Vec<Self>, leaves: &[Summary], first: u32, rng: &mut Stream) -> Summary {
         // Nodes below are full: what three levels of halves do not divide is the root's.
         let levels = leaves.len().next_power_of_two().trailing_zeros();
-        let own = if levels > 0 && levels % 3 == 0 { 3 } else { levels % 3 };
+        let own = levels - 3 * (levels.saturating_sub(1) / 3);
         let part = 1usize << (levels - own);
         let root = nodes.len();
         let dark = Eight::new(std::iter::empty());

@@ -16,6 +16,8 @@ pub(super) struct Sum<'a, const N: usize, P, S> {
     medium: &'a Medium<N, P>,
     vertex: &'a S,
     density: f32x8,
+    /// What scattering at both ends lets through, where it is the same in all directions.
+    even: Option<[f32x8; N]>,
     /// Eight parts of each lane's sum.
     lanes: [f32x8; N],
     /// The sum of means over lanes, and one vertex in proportion to that: place, squared distance and colour of mean 1.
@@ -28,7 +30,10 @@ impl<'a, const N: usize, P: PhaseFunction, S: Scattering<N>> Sum<'a, N, P, S> {
     pub fn new(p: Vec3, density: f32, medium: &'a Medium<N, P>, vertex: &'a S, choices: Stream) -> Self {
         let (p, zero) = ([p.x, p.y, p.z].map(f32x8::splat), f32x8::splat(0.0));
         let density = f32x8::splat(density);
-        Self { p, medium, vertex, density, lanes: [zero; N], total: 0.0, drawn: None, choices }
+        let law = &medium.law;
+        let even = vertex.uniform().filter(|_| law.is_isotropic());
+        let even = even.map(|sent| std::array::from_fn(|k| f32x8::splat(law.eval(0.0) * sent[k])));
+        Self { p, medium, vertex, density, even, lanes: [zero; N], total: 0.0, drawn: None, choices }
     }
 
     /// Returns the sum, lane by lane.
@@ -41,9 +46,6 @@ impl<'a, const N: usize, P: PhaseFunction, S: Scattering<N>> Sum<'a, N, P, S> {
         let v: [f32x8; 3] = std::array::from_fn(|k| eight.p[k] - self.p[k]);
         let r2 = v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
         let r = r2.sqrt();
-        let inverse = f32x8::splat(1.0) / r.fast_max(f32x8::splat(f32::MIN_POSITIVE));
-        let d = v.map(|v| v * inverse);
-        let cosine = eight.d[0] * d[0] + eight.d[1] * d[1] + eight.d[2] * d[2];
         let sigma_t = self.medium.sigma_t;
         let transmittance = |k: usize| exp(r * f32x8::splat(-sigma_t[k]));
         let (t, q): ([f32x8; N], f32x8) = if self.medium.is_gray() {
@@ -56,11 +58,11 @@ impl<'a, const N: usize, P: PhaseFunction, S: Scattering<N>> Sum<'a, N, P, S> {
         };
         let n = self.density * eight.kept;
         let w = n / (n * r2 + q * f32x8::splat(FLIGHTS * 0.25 * FRAC_1_PI));
-        let w = w * weights * self.arriving(cosine);
-        let sent = self.sent(&d);
+        let w = w * weights;
+        let turned = self.even.unwrap_or_else(|| self.turned(eight, v, r));
         let mut mean = f32x8::splat(0.0);
         for k in 0..N {
-            let c = w * t[k] * sent[k] * eight.light[k];
+            let c = w * t[k] * turned[k] * eight.light[k];
             self.lanes[k] += c;
             mean += c;
         }
@@ -78,28 +80,19 @@ impl<'a, const N: usize, P: PhaseFunction, S: Scattering<N>> Sum<'a, N, P, S> {
             // By rounding, none may be reached: the brightest, then.
             let l = chosen.unwrap_or_else(|| (0..8).max_by(|&a, &b| means[a].total_cmp(&means[b])).unwrap_or(0));
             let y = Vec3::from_array(eight.p.map(|p| p.to_array()[l]));
-            let colour = Spectrum::from_fn(|k| (w * t[k] * sent[k] * eight.light[k]).to_array()[l] / means[l]);
+            let colour = Spectrum::from_fn(|k| (w * t[k] * turned[k] * eight.light[k]).to_array()[l] / means[l]);
             self.drawn = Some((y, r2.to_array()[l], colour));
         }
     }
 
-    /// Returns the density with which light that arrived at vertices is scattered towards the collision, by the cosine between its flight and the direction from there.
-    #[inline]
-    fn arriving(&self, cosine: f32x8) -> f32x8 {
-        if self.medium.law.is_isotropic() {
-            return f32x8::splat(0.25 * FRAC_1_PI);
-        }
-        f32x8::from(cosine.to_array().map(|c| self.medium.law.eval(-c)))
-    }
-
-    /// Returns what the collision sends in some directions.
-    #[inline]
-    fn sent(&self, d: &[f32x8; 3]) -> [f32x8; N] {
-        if let Some(all) = self.vertex.uniform() {
-            return std::array::from_fn(|k| f32x8::splat(all[k]));
-        }
+    /// Returns what scattering at both ends lets through: of light that arrived at the vertices towards the collision, and there towards the camera.
+    fn turned(&self, eight: &Eight, v: [f32x8; 3], r: f32x8) -> [f32x8; N] {
+        let inverse = f32x8::splat(1.0) / r.fast_max(f32x8::splat(f32::MIN_POSITIVE));
+        let d = v.map(|v| v * inverse);
+        let cosine = eight.d[0] * d[0] + eight.d[1] * d[1] + eight.d[2] * d[2];
+        let arriving = f32x8::from(cosine.to_array().map(|c| self.medium.law.eval(-c)));
         let [x, y, z] = d.map(|d| d.to_array());
-        let values: [Spectrum<N>; 8] = std::array::from_fn(|l| self.vertex.towards(Vec3::new(x[l], y[l], z[l])).0);
-        std::array::from_fn(|k| f32x8::from(values.map(|v| v[k])))
+        let sent: [Spectrum<N>; 8] = std::array::from_fn(|l| self.vertex.towards(Vec3::new(x[l], y[l], z[l])).0);
+        std::array::from_fn(|k| arriving * f32x8::from(sent.map(|s| s[k])))
     }
 }
