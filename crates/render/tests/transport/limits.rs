@@ -207,7 +207,7 @@ fn replays(mut tracer: Tracer) {
         let mut last = tracer.integrator.clone();
         for s in 0..PILOT {
             last = last.for_sample(&tracer.scene, s);
-            last.preparation().into_iter().for_each(|p| replayed.merge(p.0));
+            last.preparation().for_each(|p| replayed.merge(p.0));
             for i in 0..36 {
                 session::sample(&tracer.scene, &last, [3 + i % 6, 5 + i / 6], s, &mut replayed);
             }
