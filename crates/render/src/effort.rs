@@ -115,7 +115,8 @@ mod tests {
     #[test]
     fn a_picture_without_noise_has_one_path_everywhere() {
         let film = Film::new([4, 4], [0, 4, 0, 4], 0, &[]);
-        film.commit(0, film.update(&film.tile(0).clone()), PILOT);
+        let tile = film.tile(0).clone();
+        film.commit(0, film.update(&tile), PILOT);
         let effort = Effort::from_pilot(&film);
         assert!((0..16).all(|i| effort.paths([i % 4, i / 4]) == 1));
     }
